@@ -1,0 +1,7 @@
+//! Neural-network guided temporal-logic motion planning.
+
+pub mod alphabet;
+pub mod automaton;
+pub mod guidance;
+pub mod ltl;
+pub mod plan;

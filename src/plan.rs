@@ -1,0 +1,59 @@
+//! The result of planning, as it stands in `plan.json`.
+
+use nalgebra::Point2;
+use serde::{Deserialize, Serialize};
+
+use crate::automaton::StateId;
+
+/// A point of a plan and the automaton state the robot is in when it gets there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Waypoint {
+    /// The place, in map units.
+    pub at: Point2<f64>,
+    /// The automaton state on arrival.
+    pub state: StateId,
+}
+
+/// Lengths of the parts of a plan, and their weighted sum.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cost {
+    /// Length of the prefix, in map units.
+    pub prefix: f64,
+    /// Length of the suffix, in map units; 0 when the robot stays where the prefix ends.
+    pub suffix: f64,
+    /// `weight · prefix + (1 − weight) · suffix` (`nngtl.md`, II-C).
+    pub total: f64,
+}
+
+impl Cost {
+    /// Combines the lengths with the weight λ in `[0, 1]`.
+    #[must_use]
+    pub fn new(prefix: f64, suffix: f64, weight: f64) -> Self {
+        Self {
+            prefix,
+            suffix,
+            total: weight * prefix + (1.0 - weight) * suffix,
+        }
+    }
+}
+
+/// A prefix-suffix path: the prefix is walked once, the suffix for ever.
+///
+/// The prefix begins at the start; the suffix begins and ends at the prefix's last point, or is
+/// that single point (the robot stays).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Path {
+    /// From the start to the point where the suffix begins; never empty.
+    pub prefix: Vec<Waypoint>,
+    /// From the prefix's last point back to it; one point if the robot stays; never empty.
+    pub suffix: Vec<Waypoint>,
+}
+
+/// The length of a polyline through `points`, in map units.
+#[must_use]
+pub fn length(points: &[Waypoint]) -> f64 {
+    points
+        .windows(2)
+        .map(|w| (w[1].at - w[0].at).norm())
+        .sum()
+}

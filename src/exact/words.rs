@@ -69,13 +69,13 @@ pub(super) fn pieces(
         let end = stretches.get(i + 1).map_or(1.0, |next| next.start);
         found.push((stretch.letter, a + (b - a) * ((stretch.start + end) / 2.0)));
     }
+    let many = found.len() > 1;
     match found.last_mut() {
-        Some(last) if last.0 == to && found.len() > 1 => {
-            if let Some(last) = found.last_mut() {
+        Some(last) if last.0 == to => {
+            if many {
                 last.1 = b;
             }
         }
-        Some(last) if last.0 == to => {}
         _ => found.push((to, b)),
     }
     let inner = found.len().saturating_sub(1);

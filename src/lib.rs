@@ -2,6 +2,7 @@
 
 pub mod alphabet;
 pub mod automaton;
+pub mod dataset;
 pub mod exact;
 pub mod guidance;
 pub mod ltl;

@@ -1,5 +1,4 @@
-//! Data sets of missions with expert paths, for training the networks and for benchmarks.
-
+//! Data.
 pub mod maps;
 pub mod missions;
 mod rooms;

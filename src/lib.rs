@@ -5,5 +5,7 @@ pub mod automaton;
 pub mod guidance;
 pub mod ltl;
 pub mod plan;
+pub mod planner;
 pub mod random;
+pub mod system;
 pub mod workspace;

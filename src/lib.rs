@@ -7,5 +7,7 @@ pub mod exact;
 pub mod guidance;
 pub mod ltl;
 pub mod plan;
+pub mod planner;
 pub mod random;
+pub mod system;
 pub mod workspace;

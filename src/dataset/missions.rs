@@ -132,6 +132,41 @@ fn conjunction(regions: usize, random: &mut Random) -> Formula {
     all(parts)
 }
 
+/// The largest random syntax tree, in nodes (`nngtl.md`, IV-D).
+const TREE_NODES: usize = 25;
+
+/// Draws a random syntax tree of 3 to 25 nodes over F G U ! & | and some of the regions' names.
+///
+/// As the paper leaves the distribution open: sizes are uniform, a node with a subtree of one node is
+/// a unary operator, others are binary with probability 3/5, with the rest split uniformly.
+#[must_use]
+pub fn draw_tree(regions: usize, random: &mut Random) -> Formula {
+    let names = drawn_names(regions, random);
+    let used = random.random_range(1..=names.len().max(1)).min(names.len());
+    tree(random.random_range(3..=TREE_NODES), &names[..used], random)
+}
+
+fn tree(nodes: usize, names: &[String], random: &mut Random) -> Formula {
+    if nodes <= 1 {
+        return choose(random, names).map_or(Formula::True, |name| prop(name));
+    }
+    if nodes == 2 || random.random_range(0..5) < 2 {
+        let inner = tree(nodes - 1, names, random);
+        return match random.random_range(0..3) {
+            0 => finally(inner),
+            1 => globally(inner),
+            _ => not(inner),
+        };
+    }
+    let left = random.random_range(1..=nodes - 2);
+    let (f, g) = (tree(left, names, random), tree(nodes - 1 - left, names, random));
+    match random.random_range(0..3) {
+        0 => until(f, g),
+        1 => and(f, g),
+        _ => Formula::Or(Box::new(f), Box::new(g)),
+    }
+}
+
 /// All region names in random order.
 fn drawn_names(regions: usize, random: &mut Random) -> Vec<String> {
     let mut names: Vec<String> = (0..regions).map(region_name).collect();

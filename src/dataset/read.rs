@@ -10,8 +10,9 @@ use nalgebra::Point2;
 use sha2::{Digest, Sha256};
 
 use super::MANIFEST;
+use super::sample::translate;
 use super::record::{FORMAT, Manifest, MapRecord, MissionRecord, RecordError, ShardEntry, point};
-use crate::automaton::{BuildError, Task};
+use crate::automaton::{Task, TaskError};
 use crate::ltl::{Formula, ParseError};
 use crate::workspace::Workspace;
 
@@ -81,7 +82,7 @@ pub enum ReadError {
         /// The map's number.
         index: u64,
         /// What is wrong.
-        source: BuildError,
+        source: TaskError,
     },
 }
 
@@ -204,7 +205,7 @@ fn map_missions(path: &Path, map: MapRecord) -> Vec<Result<LabelledMission, Read
             index,
             source,
         })?;
-        let task = Task::from_formula(&formula, workspace.alphabet()).map_err(|source| {
+        let task = translate(&formula, &workspace).map_err(|source| {
             ReadError::Task {
                 path: path.clone(),
                 index,

@@ -1,13 +1,12 @@
 //! One map with its missions: drawn, planned by the expert, filtered.
 
 use nalgebra::Point2;
-use rand::RngExt;
 
 use super::GenerateConfig;
 use super::maps::{Family, draw_map, draw_start, round};
-use super::missions::{Pattern, draw_pattern};
+use super::missions::{Pattern, draw_pattern, draw_tree};
 use super::record::{AutomatonRecord, Counts, MapRecord, MissionRecord, pair, region_order, to_millionth};
-use crate::automaton::Task;
+use crate::automaton::{Limits, Task, TaskError};
 use crate::exact::{ExactConfig, ExactPlan, Infeasible, Roadmap};
 use crate::ltl::Formula;
 use crate::plan::Waypoint;
@@ -80,7 +79,7 @@ impl Draw<'_> {
     ) -> Result<MissionRecord, &'static str> {
         let regions = self.workspace.regions().len();
         let (pattern, formula) = if chance(random, self.config.random_share) {
-            (Pattern::Random, random_tree(regions, random))
+            (Pattern::Random, draw_tree(regions, random))
         } else {
             draw_pattern(regions, random)
         };
@@ -116,8 +115,10 @@ impl Draw<'_> {
     }
 
     fn task(&self, formula: &Formula) -> Result<Task, &'static str> {
-        let task = Task::from_formula(formula, self.workspace.alphabet())
-            .map_err(|_| "translation gave up")?;
+        let task = translate(formula, self.workspace).map_err(|error| match error {
+            TaskError::Translate(_) => "translation too large",
+            _ => "unsatisfiable",
+        })?;
         if task.feasible.is_empty() {
             return Err("unsatisfiable");
         }
@@ -158,10 +159,15 @@ impl Draw<'_> {
     }
 }
 
-fn random_tree(regions: usize, random: &mut Random) -> Formula {
-    let names = random.random_range(1..=regions);
-    let _ = names;
-    unimplemented!()
+/// Translates with limits that are far above what is kept, and without a clock: the data set must
+/// not depend on the machine's speed.
+pub(super) fn translate(formula: &Formula, workspace: &Workspace) -> Result<Task, TaskError> {
+    let limits = Limits {
+        states: 2_000,
+        transitions: 50_000,
+        time: None,
+    };
+    Task::from_formula(formula, workspace.alphabet().clone(), &limits)
 }
 
 fn polyline(points: &[Point2<f64>]) -> f64 {

@@ -175,39 +175,21 @@ fn distance_features(task: &Task) -> Vec<f64> {
         .collect()
 }
 
-/// The regions that a formula names, in order of first use.
+/// The regions that a formula names, in order of first use; names that are not those of a drawn
+/// map's regions are left out.
 #[must_use]
 pub fn region_order(formula: &Formula) -> Vec<usize> {
-    fn walk(formula: &Formula, found: &mut Vec<usize>) {
-        match formula {
-            Formula::True | Formula::False => {}
-            Formula::Prop(name) => {
-                let number = name.strip_prefix('l').and_then(|n| n.parse::<usize>().ok());
-                if let Some(k) = number.and_then(|n| n.checked_sub(1)) {
-                    if !found.contains(&k) {
-                        found.push(k);
-                    }
-                }
-            }
-            Formula::Not(f) | Formula::Next(f) | Formula::Finally(f) | Formula::Globally(f) => {
-                walk(f, found);
-            }
-            Formula::And(f, g)
-            | Formula::Or(f, g)
-            | Formula::Implies(f, g)
-            | Formula::Iff(f, g)
-            | Formula::Until(f, g)
-            | Formula::Release(f, g)
-            | Formula::WeakUntil(f, g)
-            | Formula::StrongRelease(f, g) => {
-                walk(f, found);
-                walk(g, found);
-            }
-        }
-    }
-    let mut found = Vec::new();
-    walk(formula, &mut found);
-    found
+    let number = |name: &str| {
+        name.strip_prefix('l')?
+            .parse::<usize>()
+            .ok()?
+            .checked_sub(1)
+    };
+    formula
+        .propositions()
+        .into_iter()
+        .filter_map(number)
+        .collect()
 }
 
 /// Why a record describes no map.
@@ -258,7 +240,11 @@ impl MapRecord {
             Polygon::new(vertices.iter().copied().map(point).collect())
                 .map_err(|source| RecordError::Polygon { index, source })
         };
-        let obstacles: Vec<Polygon> = self.obstacles.iter().map(polygon).collect::<Result<_, _>>()?;
+        let obstacles: Vec<Polygon> = self
+            .obstacles
+            .iter()
+            .map(polygon)
+            .collect::<Result<_, _>>()?;
         let regions: Vec<Region> = self
             .regions
             .iter()

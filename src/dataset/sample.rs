@@ -5,7 +5,9 @@ use nalgebra::Point2;
 use super::GenerateConfig;
 use super::maps::{Family, draw_map, draw_start, round};
 use super::missions::{Pattern, draw_pattern, draw_tree};
-use super::record::{AutomatonRecord, Counts, MapRecord, MissionRecord, pair, region_order, to_millionth};
+use super::record::{
+    AutomatonRecord, Counts, MapRecord, MissionRecord, pair, region_order, to_millionth,
+};
 use crate::automaton::{Limits, Task, TaskError};
 use crate::exact::{ExactConfig, ExactPlan, Infeasible, Roadmap};
 use crate::ltl::Formula;
@@ -46,9 +48,15 @@ pub(super) fn draw_sample(config: &GenerateConfig, index: u64) -> Sample {
             workspace: &workspace,
             roadmap: &roadmap,
         };
+        let mut tree = chance(&mut random, config.random_share);
         for _ in 0..DRAWS * config.missions_per_map {
-            match draw.mission(&record.missions, &mut random) {
-                Ok(mission) => record.missions.push(mission),
+            match draw.mission(tree, &record.missions, &mut random) {
+                Ok(mission) => {
+                    record.missions.push(mission);
+                    // Random trees are dropped more often than patterns: the kind is drawn anew
+                    // only after one was kept, so that shares are shares of what is written.
+                    tree = chance(&mut random, config.random_share);
+                }
                 Err(reason) => drop_for(&mut filtered, reason),
             }
             if record.missions.len() == config.missions_per_map {
@@ -63,6 +71,9 @@ fn drop_for(filtered: &mut Counts, reason: &'static str) {
     *filtered.entry(reason.to_owned()).or_default() += 1;
 }
 
+/// A part of a path.
+type Points = Vec<Point2<f64>>;
+
 /// What the missions of one map share.
 struct Draw<'a> {
     config: &'a GenerateConfig,
@@ -74,11 +85,12 @@ impl Draw<'_> {
     /// Draws a mission, or says why it is not worth keeping.
     fn mission(
         &self,
+        tree: bool,
         others: &[MissionRecord],
         random: &mut Random,
     ) -> Result<MissionRecord, &'static str> {
         let regions = self.workspace.regions().len();
-        let (pattern, formula) = if chance(random, self.config.random_share) {
+        let (pattern, formula) = if tree {
             (Pattern::Random, draw_tree(regions, random))
         } else {
             draw_pattern(regions, random)
@@ -140,9 +152,9 @@ impl Draw<'_> {
     }
 
     /// The plan's points on the grid, if the word stays the same there.
-    fn rounded(&self, plan: &ExactPlan) -> Option<(Vec<Point2<f64>>, Vec<Point2<f64>>)> {
+    fn rounded(&self, plan: &ExactPlan) -> Option<(Points, Points)> {
         let on_grid = |waypoints: &[Waypoint]| {
-            let mut points: Vec<Point2<f64>> = Vec::with_capacity(waypoints.len());
+            let mut points = Points::with_capacity(waypoints.len());
             for w in waypoints {
                 let p = round(w.at);
                 if self.workspace.letter_at(p)? != self.workspace.letter_at(w.at)? {

@@ -38,6 +38,14 @@ class Augment:
 NONE = Augment(False, 0.0, 0.0)
 
 
+def target_cells(missions, k, reach):
+    """The cells of a mission's target at 200×200; with ``reach`` also where the path arrives in regions."""
+    cells = missions.cells[missions.cells_at[k] : missions.cells_at[k + 1]]
+    if not reach:
+        return cells
+    return np.union1d(cells, missions.reach[missions.reach_at[k] : missions.reach_at[k + 1]])
+
+
 def indices(count, size, seed, step):
     """The samples of a step: every epoch is a permutation of all of them."""
     first = step * size
@@ -50,8 +58,8 @@ def indices(count, size, seed, step):
     return out
 
 
-def make(missions, chosen, augment=NONE, rng=None):
-    """The batch of the missions with these indices."""
+def make(missions, chosen, augment=NONE, rng=None, reach=False):
+    """The batch of the missions with these indices; ``reach``: see ``target_cells``."""
     side, labels = missions.resolution, missions.labels
     codes = np.zeros((len(chosen), side, side), dtype=missions.codes.dtype)
     heat = np.zeros((len(chosen), side, side), dtype=np.float32)
@@ -60,9 +68,9 @@ def make(missions, chosen, augment=NONE, rng=None):
     columns = np.tile(np.arange(labels), (len(chosen), 1))
     for b, k in enumerate(chosen):
         code = missions.codes[missions.map[k]]
-        start, cells = _slide(missions, k, code, rng) if augment.jitter and rng.random() < augment.jitter else (None, None)
-        if start is None:
-            start, cells = missions.start[k], missions.cells[missions.cells_at[k] : missions.cells_at[k + 1]]
+        start, cells = missions.start[k], target_cells(missions, k, reach)
+        if augment.jitter and rng.random() < augment.jitter:
+            start, cells = _slide(missions, k, code, rng, cells) or (start, cells)
         target = _lower(cells, side)
         cell = np.zeros((side, side), dtype=bool)
         cell[raster.cell(start, side)] = True
@@ -115,27 +123,22 @@ def _lower(cells, side):
     return np.bincount(flat, minlength=side * side).reshape(side, side).astype(np.float32) / factor**2
 
 
-def _slide(missions, k, code, rng):
-    """A start further along the first leg of the path and the target from there; (None, None) where it cannot move."""
+def _slide(missions, k, code, rng, cells):
+    """A start further along the first leg of the path and what is left of the target's cells; None where it cannot move."""
     points = missions.points[missions.points_at[k] : missions.points_at[k + 1]]
     prefix = points[: missions.prefix[k]]
     if len(prefix) < 2:
-        return None, None
+        return None
     side = missions.resolution
-    share = rng.random() * 0.8
-    moved = prefix[0] + np.float32(share) * (prefix[1] - prefix[0])
+    moved = prefix[0] + np.float32(rng.random() * 0.8) * (prefix[1] - prefix[0])
     passed = raster.grow(raster.path(np.stack([prefix[0], moved]) * side, side))
-    if len(np.unique(code[passed] >> 1)) > 1:
-        return None, None
-    i, j = raster.cell(moved, side)
-    if code[i, j] & 1:
-        return None, None
-    marks = raster.path(np.concatenate([moved[None], prefix[1:]]) * TARGET_SIDE, TARGET_SIDE)
-    marks |= raster.path(points[missions.prefix[k] :] * TARGET_SIDE, TARGET_SIDE)
-    # Obstacles (and the suffix, where it does not count) were left out of the whole target already.
-    whole = np.zeros(TARGET_SIDE**2, dtype=bool)
-    whole[missions.cells[missions.cells_at[k] : missions.cells_at[k + 1]]] = True
-    return moved, np.flatnonzero(raster.grow(marks).ravel() & whole)
+    if len(np.unique(code[passed] >> 1)) > 1 or code[raster.cell(moved, side)] & 1:
+        return None
+    left = raster.path(np.concatenate([moved[None], prefix[1:]]) * TARGET_SIDE, TARGET_SIDE)
+    left |= raster.path(points[missions.prefix[k] :] * TARGET_SIDE, TARGET_SIDE)
+    # What goes is what the part behind the new start marks and the rest of the path does not.
+    gone = raster.grow(raster.path(np.stack([prefix[0], moved]) * TARGET_SIDE, TARGET_SIDE)) & ~raster.grow(left)
+    return moved, cells[~gone.ravel()[cells]]
 
 
 def _gather(rows, at, chosen):

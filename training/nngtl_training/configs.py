@@ -69,6 +69,7 @@ COMPACT_TRAINING = {
     "weight_decay": 1e-4,
     "positive_weight": 1.0,
     "suffix": True,
+    "reach": True,
     "symmetries": True,
     "permute": 0.5,
     "jitter": 0.3,
@@ -83,6 +84,7 @@ PAPER_TRAINING = {
     "schedule": "constant",
     "weight_decay": 0.0,
     "warm_up": 0,
+    "reach": False,
     "permute": 0.0,
     "jitter": 0.0,
 }

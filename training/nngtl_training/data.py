@@ -10,7 +10,10 @@ from . import raster, shards
 TARGET_SIDE = 200
 """Cells per side of the target heatmap (nngtl.md, IV-D)."""
 
-CACHE_VERSION = 1
+REACH = 0.04
+"""Radius, in sides of the frame, of the part of a region around the expert's entry that counts as its place of arrival."""
+
+CACHE_VERSION = 2
 
 
 @dataclass
@@ -33,6 +36,10 @@ class Missions:
     prefix: np.ndarray  # (N): how many of them are the prefix
     cells: np.ndarray  # (C): marked cells of the target at 200×200, flat
     cells_at: np.ndarray
+    reach: np.ndarray  # cells of the regions that the path enters, within REACH of the entries
+    reach_at: np.ndarray
+    legs: np.ndarray  # (L, 3): from x, y straight to a region: its number on the map
+    legs_at: np.ndarray
     states: np.ndarray  # (S, 3)
     visited: np.ndarray  # (S)
     states_at: np.ndarray
@@ -100,7 +107,7 @@ class _Builder:
             if why:
                 self.skipped[why] = self.skipped.get(why, 0) + 1
                 continue
-            self.rows.append(self._row(entry, mission, frame, fine))
+            self.rows.append(self._row(entry, mission, frame, fine, regions))
             used = True
         if used:
             self.codes.append(raster.map_codes(obstacles, regions, extent, self.side))
@@ -112,12 +119,19 @@ class _Builder:
             return "automaton too large"
         return None
 
-    def _row(self, entry, mission, frame, free):
+    def _row(self, entry, mission, frame, free, regions):
         prefix, suffix = frame(mission["prefix"]), frame(mission["suffix"])
         marks = raster.path(prefix * TARGET_SIDE, TARGET_SIDE)
         if self.suffix:
             marks |= raster.path(suffix * TARGET_SIDE, TARGET_SIDE)
         marks = raster.grow(marks) & free
+        used = [(k, regions[k]) for k in mission["order"]]
+        entries, legs = arrivals(prefix, used)
+        if self.suffix:
+            entries += arrivals(suffix, used)[0]
+        reach = np.zeros_like(marks)
+        for point, shape in entries:
+            reach |= _disc(point) & raster.polygon(shape * TARGET_SIDE, TARGET_SIDE)
         automaton = mission["automaton"]
         states = np.zeros((automaton["states"], 3), dtype=np.float32)
         states[automaton["initial"], 0] = 1
@@ -138,6 +152,8 @@ class _Builder:
             "points": np.concatenate([prefix, suffix]),
             "prefix": len(prefix),
             "cells": np.flatnonzero(marks).astype(np.uint16),
+            "reach": np.flatnonzero(reach & free).astype(np.uint16),
+            "legs": np.array(legs, dtype=np.float32).reshape(-1, 3),
             "states": states,
             "visited": visited,
             "edges": np.array([e[:2] for e in edges], dtype=np.int32).reshape(-1, 2),
@@ -159,10 +175,52 @@ class _Builder:
             "family": np.array(column("family")),
             "pattern": np.array(column("pattern")),
         }
-        for name in ("points", "cells", "states", "visited", "edges", "literals"):
+        for name in ("points", "cells", "reach", "legs", "states", "visited", "edges", "literals"):
             parts = column(name)
             out[name] = np.concatenate(parts)
             if name not in ("visited", "literals"):
                 out[f"{name}_at"] = np.concatenate([[0], np.cumsum([len(p) for p in parts])])
         out["points"] = out["points"].astype(np.float32)
         return out
+
+
+def arrivals(path, regions):
+    """Where a path enters regions, and its legs that run straight from one such place (or the start) to the next.
+
+    ``regions`` lists (number, polygon). Returns [(entry point, polygon)] and [(x, y, number)], a leg's
+    beginning and the region that it ends in.
+    """
+    entries, legs, last = [], [], path[0]
+    within = {number: bool(_contains(shape, path[:1])[0]) for number, shape in regions}
+    for a, b in zip(path, path[1:]):
+        steps = max(2, int(np.ceil(np.linalg.norm(b - a) * 2 * TARGET_SIDE)))
+        points = a + np.linspace(0, 1, steps + 1)[1:, None] * (b - a)
+        found = []
+        for number, shape in regions:
+            inside = _contains(shape, points)
+            before = np.concatenate([[within[number]], inside[:-1]])
+            found += [(step, number, shape) for step in np.flatnonzero(inside & ~before)]
+            within[number] = bool(inside[-1])
+        for step, number, shape in sorted(found, key=lambda f: f[:2]):
+            entries.append((points[step], shape))
+            if last is not None:
+                legs.append((*last, number))
+            last = points[step]
+        # A corner outside of the regions: the leg that it lies on is not straight.
+        last = b if any(within.values()) else None
+    return entries, legs
+
+
+def _contains(polygon, points):
+    """Even-odd rule for single points: (N) bool."""
+    a, b = polygon, np.roll(polygon, -1, axis=0)
+    x, y = points[:, :1], points[:, 1:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = a[:, 0] + (y - a[:, 1]) * (b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1])
+    return (((a[:, 1] > y) != (b[:, 1] > y)) & (x < at)).sum(axis=1) % 2 == 1
+
+
+def _disc(point):
+    """The cells within REACH of a point of the frame, at 200×200."""
+    centre = (np.arange(TARGET_SIDE) + 0.5) / TARGET_SIDE
+    return (centre[:, None] - point[0]) ** 2 + (centre[None] - point[1]) ** 2 <= REACH**2

@@ -4,10 +4,13 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from . import batches
+from . import batches, raster
 from .data import TARGET_SIDE
 
 POWERS = (1, 2, 4, 8)
+CAP = 1000
+"""Draws for one leg count as at most so many."""
+
 _BINS = 4096
 
 
@@ -55,8 +58,9 @@ def heatmap(logits):
 def evaluate(model, missions, limit=None, size=32, device="cpu"):
     """Held-out metrics of a network, whole and by family and pattern.
 
-    PathNet: ``loss``, ``ap`` (average precision of path cells at 200×200) and ``mass<k>``, the share of the heatmap
-    to the k-th power that lies on the path. StateNet: ``loss``, ``accuracy`` and ``ap`` over states, ``exact``, the share of missions with all states
+    PathNet: ``loss``, ``ap`` (average precision of path cells at 200×200); for the heatmap to the k-th power
+    ``mass<k>``, the share that lies on the path, and ``draws<k>``, the mean number of draws from the rectangle of rule C-2 until one lies in the region
+    that a straight leg of the expert's path leads to; ``draws0`` is the flat heatmap's. StateNet: ``loss``, ``accuracy`` and ``ap`` over states, ``exact``, the share of missions with all states
     right. ``base`` is what a constant would reach (share of positives).
     """
     model.eval()
@@ -72,6 +76,8 @@ def evaluate(model, missions, limit=None, size=32, device="cpu"):
         logits = model(batch.raster, batch.graphs).float()
         if paths:
             rows += _path_rows(logits, batch, _truth(missions, part))
+            for row, k in zip(rows[-len(part) :], part):
+                row |= _draws(row["_scores"].reshape(TARGET_SIDE, TARGET_SIDE), missions, k)
         else:
             rows += _state_rows(logits[:, -1], batch)
     for k, row in zip(chosen, rows):
@@ -92,6 +98,27 @@ def _path_rows(logits, batch, truth):
             row[f"mass{power}"] = float(weight[positive].sum() / max(weight.sum(), 1e-300))
         out.append(row)
     return out
+
+
+def _draws(heat, missions, k):
+    """Means over the mission's straight legs; none: no entry."""
+    legs = missions.legs[missions.legs_at[k] : missions.legs_at[k + 1]]
+    factor = TARGET_SIDE // missions.resolution
+    codes = missions.codes[missions.map[k]]
+    expected = {power: [] for power in (0, *POWERS)}
+    for x, y, region in legs:
+        inside = np.kron(codes >> (int(region) + 1) & 1, np.ones((factor, factor), dtype=np.uint8)) == 1
+        if not inside.any():
+            continue
+        cells = np.array([raster.cell((x, y), TARGET_SIDE), np.argwhere(inside).mean(axis=0).astype(int)])
+        (i0, j0), (i1, j1) = cells.min(axis=0), cells.max(axis=0) + 1
+        there = inside[i0:i1, j0:j1]
+        if inside[tuple(cells[0])] or not there.any():
+            continue
+        for power, draws in expected.items():
+            weight = np.round((heat[i0:i1, j0:j1].astype(np.float64) / heat.max()) ** power * 65535)
+            draws.append(min(CAP, weight.sum() / max(weight[there].sum(), 1e-9)) if weight.any() else CAP)
+    return {f"draws{power}": float(np.mean(draws)) for power, draws in expected.items() if draws}
 
 
 def _state_rows(logits, batch):
@@ -116,9 +143,8 @@ def _state_rows(logits, batch):
 
 def _summary(rows):
     out = {"missions": len(rows)}
-    for key in rows[0]:
-        if not key.startswith("_"):
-            out[key] = float(np.mean([row[key] for row in rows]))
+    for key in sorted({key for row in rows for key in row if not key.startswith("_")}):
+        out[key] = float(np.mean([row[key] for row in rows if key in row]))
     ranking = Ranking()
     for row in rows:
         ranking.add(row["_scores"], row["_positive"])

@@ -94,7 +94,7 @@ class Run:
         torch.manual_seed(int(rng.integers(2**31)))
         chosen = batches.indices(len(self.missions), self.options["batch"], self.seed, self.step)
         chosen = chosen[self.team.rank :: self.team.size]
-        batch = batches.make(self.missions, chosen, self.augment, rng).to(self.device)
+        batch = batches.make(self.missions, chosen, self.augment, rng, self.options["reach"]).to(self.device)
         for group in self.optimizer.param_groups:
             group["lr"] = self.rate(progress)
         self.model.train()

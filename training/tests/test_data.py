@@ -156,16 +156,43 @@ def test_a_start_that_slides_keeps_a_part_of_the_target(data_set):
     moved = 0
     for k in range(len(missions)):
         code = missions.codes[missions.map[k]]
-        start, cells = batches._slide(missions, k, code, np.random.default_rng(k))
-        if start is None:
+        whole = batches.target_cells(missions, k, True)
+        slid = batches._slide(missions, k, code, np.random.default_rng(k), whole)
+        if slid is None:
             continue
         moved += 1
-        whole = set(missions.cells[missions.cells_at[k] : missions.cells_at[k + 1]].tolist())
-        assert set(cells.tolist()) <= whole
+        start, cells = slid
+        assert set(cells.tolist()) <= set(whole.tolist())
         i, j = raster.cell(start, 200)
         assert i * 200 + j in set(cells.tolist())
         assert code[raster.cell(start, 100)] >> 1 == code[raster.cell(missions.start[k], 100)] >> 1
     assert moved > len(missions) // 3
+
+
+def test_arrivals_by_hand():
+    box = lambda x, y: np.array([[x, y], [x + 0.2, y], [x + 0.2, y + 0.2], [x, y + 0.2]])
+    regions = [(3, box(0.4, 0.0)), (5, box(0.8, 0.5))]
+    # Straight through the first region, round a corner, into the second, on inside it.
+    path = np.array([[0.1, 0.1], [0.9, 0.1], [0.9, 0.51], [0.85, 0.6]])
+    entries, legs = data.arrivals(path, regions)
+    assert [shape is r for (_, shape), (_, r) in zip(entries, regions)] == [True, True]
+    assert np.allclose([p for p, _ in entries], [[0.4, 0.1], [0.9, 0.5]], atol=0.005)
+    assert [leg[2] for leg in legs] == [3]
+    assert legs[0][:2] == (0.1, 0.1)
+
+
+def test_the_place_of_arrival_lies_in_the_region_near_the_path(data_set):
+    folder, maps = data_set
+    missions = data.load(folder, CONFIG)
+    mission = maps[0]["missions"][0]
+    reach = missions.reach[: missions.reach_at[1]]
+    assert len(reach) > 0
+    inside = np.zeros(200 * 200, dtype=bool)
+    for region in mission["order"]:
+        inside |= raster.polygon(np.array(maps[0]["regions"][region]) * 200, 200).ravel()
+    assert inside[reach].all()
+    both = batches.target_cells(missions, 0, True)
+    assert set(both) == set(reach) | set(missions.cells[: missions.cells_at[1]])
 
 
 def test_an_epoch_visits_every_mission_once_and_depends_on_the_seed():

@@ -154,6 +154,17 @@ def test_resnet50_has_the_published_size():
     assert sum(p.numel() for p in trunk.parameters()) == 23_508_032  # ResNet-50 without its last layer
 
 
+def test_draws_by_hand(data_set):
+    missions = data.load(data_set[0], configs.get("compact", "pathnet")["network"])
+    k = int(np.flatnonzero(np.diff(missions.legs_at) == 1)[0])
+    x, y, region = missions.legs[missions.legs_at[k]]
+    inside = np.kron(missions.codes[missions.map[k]] >> (int(region) + 1) & 1, np.ones((2, 2))) == 1
+    # All weight on the region: the first draw is in it. No weight there: never.
+    assert set(metrics._draws(inside.astype(np.float32), missions, k).values()) >= {1.0}
+    assert metrics._draws((~inside).astype(np.float32), missions, k)["draws1"] == metrics.CAP
+    assert metrics._draws(np.ones((200, 200)), missions, k)["draws8"] == metrics._draws(inside, missions, k)["draws0"]
+
+
 def test_average_precision_by_hand():
     ranking = metrics.Ranking()
     ranking.add(np.array([0.9, 0.8, 0.7, 0.1]), np.array([True, False, True, False]))

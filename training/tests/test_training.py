@@ -154,6 +154,17 @@ def test_resnet50_has_the_published_size():
     assert sum(p.numel() for p in trunk.parameters()) == 23_508_032  # ResNet-50 without its last layer
 
 
+def test_the_balanced_state_loss_by_hand(data_set):
+    run = begin(small("statenet"), data_set[0])
+    batch = batches.make(run.missions, np.arange(2), heat=False)
+    batch.graphs.state_graph = torch.tensor([0, 0, 0, 0, 1])
+    batch.visited = torch.tensor([1.0, 1, 1, 1, 1])
+    logits = torch.tensor([[0.0], [0.0], [0.0], [0.0], [5.0]])
+    high, low = np.log(2), np.log1p(np.exp(-5))
+    expected = (4 * high / 2 + low) / (4 / 2 + 1)
+    assert abs(run.loss(logits, batch).item() - expected) < 1e-6
+
+
 def test_draws_by_hand(data_set):
     missions = data.load(data_set[0], configs.get("compact", "pathnet")["network"])
     k = int(np.flatnonzero(np.diff(missions.legs_at) == 1)[0])

@@ -13,7 +13,7 @@ TARGET_SIDE = 200
 REACH = 0.04
 """Radius, in sides of the frame, of the part of a region around the expert's entry that counts as its place of arrival."""
 
-CACHE_VERSION = 2
+CACHE_VERSION = 3
 
 
 @dataclass
@@ -192,7 +192,7 @@ def arrivals(path, regions):
     """
     entries, legs, last = [], [], path[0]
     within = {number: bool(_contains(shape, path[:1])[0]) for number, shape in regions}
-    for a, b in zip(path, path[1:]):
+    for k, (a, b) in enumerate(zip(path, path[1:])):
         steps = max(2, int(np.ceil(np.linalg.norm(b - a) * 2 * TARGET_SIDE)))
         points = a + np.linspace(0, 1, steps + 1)[1:, None] * (b - a)
         found = []
@@ -206,9 +206,19 @@ def arrivals(path, regions):
             if last is not None:
                 legs.append((*last, number))
             last = points[step]
-        # A corner outside of the regions: the leg that it lies on is not straight.
-        last = b if any(within.values()) else None
+        if any(within.values()):
+            last = b
+        elif last is not None and k + 2 < len(path) and _beside(b, last, path[k + 2]) > 0.5 / TARGET_SIDE:
+            last = None  # a corner: the leg that it lies on is not straight
     return entries, legs
+
+
+def _beside(point, a, b):
+    """How far a point lies from the line through ``a`` and ``b``."""
+    d = b - a
+    length = np.linalg.norm(d)
+    away = point - a
+    return abs(d[0] * away[1] - d[1] * away[0]) / length if length > 0 else np.linalg.norm(away)
 
 
 def _contains(polygon, points):

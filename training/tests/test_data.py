@@ -172,8 +172,8 @@ def test_a_start_that_slides_keeps_a_part_of_the_target(data_set):
 def test_arrivals_by_hand():
     box = lambda x, y: np.array([[x, y], [x + 0.2, y], [x + 0.2, y + 0.2], [x, y + 0.2]])
     regions = [(3, box(0.4, 0.0)), (5, box(0.8, 0.5))]
-    # Straight through the first region, round a corner, into the second, on inside it.
-    path = np.array([[0.1, 0.1], [0.9, 0.1], [0.9, 0.51], [0.85, 0.6]])
+    # Straight (by way of a point on the line) through the first region, round a corner, into the second, on inside it.
+    path = np.array([[0.1, 0.1], [0.3, 0.1001], [0.9, 0.1], [0.9, 0.51], [0.85, 0.6]])
     entries, legs = data.arrivals(path, regions)
     assert [shape is r for (_, shape), (_, r) in zip(entries, regions)] == [True, True]
     assert np.allclose([p for p, _ in entries], [[0.4, 0.1], [0.9, 0.5]], atol=0.005)

@@ -2,6 +2,8 @@
 
 pub mod alphabet;
 pub mod automaton;
+pub mod encoding;
 pub mod guidance;
 pub mod ltl;
+pub mod nn;
 pub mod plan;

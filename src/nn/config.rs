@@ -6,9 +6,6 @@ use super::weights::{FORMAT_VERSION, Fault};
 use crate::alphabet::MAX_PROPOSITIONS;
 use crate::encoding::ENCODING_VERSION;
 
-/// Cells per side of PathNet's output and of the heatmap.
-pub const HEATMAP_SIDE: usize = 200;
-
 /// Constant features of the pool node.
 pub const POOL_WIDTH: usize = 128;
 
@@ -54,7 +51,7 @@ pub enum Trunk {
 pub struct PathPaper {
     /// Region channels.
     pub labels: usize,
-    /// Cells per side of the raster: 200.
+    /// Cells per side of the raster and of the output: 200 in the paper.
     pub resolution: usize,
     /// Width of the first block.
     pub n1: usize,
@@ -84,7 +81,7 @@ pub struct PathPaint {
     pub unet: UNet,
     /// Width of the last block.
     pub top: usize,
-    /// Cells per side of the output: 200.
+    /// Cells per side of the output: 200 in shipped weights.
     pub output: usize,
     /// Exponent that sharpens the heatmap.
     #[serde(default = "one")]
@@ -280,14 +277,14 @@ impl Config {
         c.number("resolution", self.resolution(), 8..=1024);
         match self {
             Self::PathPaper(p) => {
-                c.number("resolution", p.resolution, HEATMAP_SIDE..=HEATMAP_SIDE);
+                c.number("resolution", p.resolution, 32..=1024);
                 c.number("n1", p.n1, 1..=MAX_WIDTH / 16);
                 c.widths("graph", &p.graph, if p.skip == Skip::Third { 3 } else { 1 });
             }
             Self::PathPaint(p) => {
                 c.number("embedding", p.embedding, 1..=MAX_WIDTH);
                 c.number("top", p.top, 1..=MAX_WIDTH);
-                c.number("output", p.output, HEATMAP_SIDE..=HEATMAP_SIDE);
+                c.number("output", p.output, 8..=1024);
                 c.widths("graph", &p.graph, 1);
                 c.unet(&p.unet, p.resolution);
                 if !(p.power > 0.0 && p.power <= 64.0) {
@@ -401,13 +398,13 @@ mod tests {
     #[test]
     fn every_fault_of_a_config_is_told() {
         let config = json!({"format": 2, "encoding": 1, "kind": "pathnet", "variant": "paper", "labels": 0,
-            "resolution": 100, "n1": 8, "graph": [64, 0], "fusion": "dense", "skip": "third"});
+            "resolution": 7, "n1": 8, "graph": [64, 0], "fusion": "dense", "skip": "third"});
         let faults = Config::parse(&config).unwrap_err();
         let text: Vec<String> = faults.iter().map(ToString::to_string).collect();
         for part in [
             "format version 2",
             "`labels` is 0",
-            "`resolution` is 100",
+            "`resolution` is 7",
             "`graph` is 2 numbers",
             "`graph` is 0",
         ] {

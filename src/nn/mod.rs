@@ -15,5 +15,6 @@ pub mod weights;
 
 pub use device::{DeviceChoice, Fallback};
 pub use predictor::{
-    LoadError, LoadOptions, MODEL_FILES, ModelInfo, PredictError, Predictor, Timings, embedded,
+    HEATMAP_SIDE, LoadError, LoadOptions, MODEL_FILES, ModelInfo, PredictError, Predictor, Timings,
+    embedded,
 };

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use sha2::{Digest, Sha256};
 
-use super::config::{HEATMAP_SIDE, Kind};
-use super::cpu::Session;
+use super::config::Kind;
+use super::cpu::{Planes, PlanesMut, Session, upsample};
 use super::device::{Backend, DeviceChoice, Fallback, Start};
 use super::inputs::Inputs;
 use super::models::Model;
@@ -15,6 +15,9 @@ use super::program::GraphSize;
 use super::weights::{WeightError, WeightFile, hex};
 use crate::encoding::{AutomatonGraph, MapInput, MapTensor};
 use crate::guidance::{Guidance, Heatmap};
+
+/// Cells per side of the heatmap (`nngtl.md`, IV-A).
+pub const HEATMAP_SIDE: usize = 200;
 
 /// The file names of a model's two networks in its directory.
 pub const MODEL_FILES: [&str; 2] = ["pathnet.safetensors", "statenet.safetensors"];
@@ -354,6 +357,27 @@ impl Predictor {
         };
         Ok(Guidance { heatmap, states }.quantised())
     }
+}
+
+/// A square grid at another resolution, by bilinear interpolation.
+fn resized(cells: &[f32], from: usize, to: usize) -> Vec<f32> {
+    let mut values = vec![0.0; to * to];
+    let x = Planes {
+        data: cells,
+        channels: 1,
+        height: from,
+        width: from,
+    };
+    upsample(
+        x,
+        PlanesMut {
+            data: &mut values,
+            channels: 1,
+            height: to,
+            width: to,
+        },
+    );
+    values
 }
 
 /// `(p / max p)^power`; nothing for power 1.

@@ -11,6 +11,7 @@ fn every_network_agrees_with_pytorch() {
         let inputs = Inputs {
             map: &golden.map,
             graph: &golden.graph,
+            given: &[],
         };
         let mut session = Session::new(1);
         let first = session.run(&golden.model.program, &inputs).to_vec();

@@ -74,6 +74,9 @@ pub struct PathPaint {
     pub graph: Vec<usize>,
     /// Whether edges lead backwards too.
     pub reverse: bool,
+    /// Cells per side at which the automaton's nodes see where regions lie; 0: they do not.
+    #[serde(default)]
+    pub look: usize,
     /// Values per region.
     pub embedding: usize,
     /// The U-Net.
@@ -282,6 +285,13 @@ impl Config {
                 c.widths("graph", &p.graph, if p.skip == Skip::Third { 3 } else { 1 });
             }
             Self::PathPaint(p) => {
+                if p.look > 0 && p.resolution % p.look != 0 {
+                    c.fault(
+                        "look",
+                        p.look.to_string(),
+                        "0 or a divisor of the resolution",
+                    );
+                }
                 c.number("embedding", p.embedding, 1..=MAX_WIDTH);
                 c.number("top", p.top, 1..=MAX_WIDTH);
                 c.number("output", p.output, 8..=1024);

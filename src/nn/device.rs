@@ -3,6 +3,9 @@
 use std::fmt;
 use std::str::FromStr;
 
+use super::inputs::Inputs;
+use super::program::Program;
+
 /// Which device the user wants.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DeviceChoice {
@@ -77,20 +80,55 @@ pub enum Fallback {
     },
 }
 
-/// What runs the networks.
-#[derive(Clone, Debug)]
-pub(super) enum Backend {
-    /// The native CPU path.
-    Cpu,
+/// The kind of an adapter, best first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DeviceKind {
+    /// A GPU with memory of its own.
+    Discrete,
+    /// A GPU that shares the processor's memory.
+    Integrated,
+    /// A GPU behind a virtual machine.
+    Virtual,
+    /// Unknown.
+    Other,
+    /// A driver that computes on the processor.
+    Software,
 }
 
-/// What a backend is, once started.
-pub(super) enum Start {
-    /// The caller runs the networks itself.
-    Cpu,
-    /// [`Backend::run`] runs them.
-    #[allow(dead_code)] // only adapters run by themselves
-    Running,
+/// An adapter, for people to read.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct AdapterSummary {
+    /// Its name.
+    pub name: String,
+    /// Its kind.
+    pub kind: DeviceKind,
+    /// The interface it is reached through.
+    pub backend: String,
+    /// Its driver and the driver's version.
+    pub driver: String,
+    /// Whether it computes in 16-bit floating point.
+    pub f16: bool,
+    /// Whether it has subgroup operations.
+    pub subgroups: bool,
+    /// Whether it measures time.
+    pub timestamps: bool,
+    /// Whether its compiled kernels can be kept on disk.
+    pub pipeline_cache: bool,
+    /// The largest buffer, in bytes.
+    pub largest_buffer: u64,
+    /// The largest part of a buffer that a kernel can see, in bytes.
+    pub largest_binding: u64,
+}
+
+/// All adapters of this machine. Opens the drivers' loader, which takes 30 to 300 ms.
+#[must_use]
+pub fn adapters() -> Vec<AdapterSummary> {
+    #[cfg(feature = "gpu")]
+    let found = super::gpu::list();
+    #[cfg(not(feature = "gpu"))]
+    let found = Vec::new();
+    found
 }
 
 /// Multiply-adds a second of the CPU path on one core, as low as slow laptops have it.
@@ -99,47 +137,140 @@ const CPU_RATE: f64 = 2e10;
 /// Multiply-adds a second of a hardware GPU with these kernels, as low as integrated ones have it.
 const GPU_RATE: f64 = 2e11;
 
-/// Seconds from opening the Vulkan loader to the first result of a hardware GPU: 30 ms with warm
-/// caches, 300 ms without, as measured with drivers' caches on disk.
+/// Seconds from opening the drivers' loader to the first result of a hardware GPU: between the
+/// 30 ms of warm caches and the 300 ms of cold ones.
 const GPU_START: f64 = 0.15;
 
-/// Seconds of one inference on a hardware GPU beside its arithmetic: some hundred dispatches, one
-/// upload, one read-back.
+/// Seconds of one inference on a hardware GPU beside its arithmetic: some hundred dispatches, an
+/// upload and a read-back.
 const GPU_OVERHEAD: f64 = 0.001;
 
-/// The estimated seconds of `missions` inferences of `work` multiply-adds each, on the CPU path
-/// with `threads` threads.
-#[must_use]
-pub fn cpu_seconds(work: u64, missions: usize, threads: usize) -> f64 {
-    missions as f64 * work as f64 / (CPU_RATE * threads.max(1) as f64)
+/// What `auto` weighs.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Estimate {
+    /// Seconds on the CPU path.
+    pub cpu: f64,
+    /// Seconds on a hardware GPU, its start included.
+    pub gpu: f64,
 }
 
-/// The estimated seconds of `missions` inferences of `work` multiply-adds each on a hardware GPU,
-/// its start included.
-#[must_use]
-pub fn gpu_seconds(work: u64, missions: usize) -> f64 {
-    GPU_START + missions as f64 * (GPU_OVERHEAD + work as f64 / GPU_RATE)
+impl Estimate {
+    /// For `missions` inferences of `multiply_adds` each, with so many threads of the CPU.
+    #[must_use]
+    pub fn new(multiply_adds: u64, missions: usize, threads: usize) -> Self {
+        let (work, missions) = (multiply_adds as f64, missions as f64);
+        Self {
+            cpu: missions * work / (CPU_RATE * threads.max(1) as f64),
+            gpu: GPU_START + missions * (GPU_OVERHEAD + work / GPU_RATE),
+        }
+    }
+
+    /// Whether looking for a GPU is worth it.
+    #[must_use]
+    pub fn prefers_gpu(self) -> bool {
+        self.gpu < self.cpu
+    }
+}
+
+/// What runs the networks.
+#[derive(Clone, Debug)]
+pub(super) enum Backend {
+    /// The native CPU path.
+    Cpu,
+    /// An adapter.
+    #[cfg(feature = "gpu")]
+    Gpu(super::gpu::Gpu),
 }
 
 impl Backend {
-    pub(super) fn choose(options: &super::LoadOptions, _work: u64) -> (Self, Option<Fallback>) {
-        let wanted = matches!(options.device, DeviceChoice::Gpu | DeviceChoice::Software);
-        (Self::Cpu, wanted.then_some(Fallback::NotBuilt))
+    /// The backend for a wish, and why it is not what was wished for. `auto` that ends on the CPU
+    /// is no disappointment.
+    pub(super) fn open(
+        wanted: DeviceChoice,
+        estimate: Estimate,
+        programs: [&Program; 2],
+    ) -> (Self, Option<Fallback>) {
+        let auto = wanted == DeviceChoice::Auto;
+        if wanted == DeviceChoice::Cpu || (auto && !estimate.prefers_gpu()) {
+            return (Self::Cpu, None);
+        }
+        match Self::open_gpu(wanted, programs) {
+            Ok(backend) => (backend, None),
+            Err(reason) if auto => {
+                log::info!("{reason}; the CPU runs the networks");
+                (Self::Cpu, None)
+            }
+            Err(reason) => (Self::Cpu, Some(reason)),
+        }
     }
 
-    pub(super) fn name(&self) -> String {
-        "cpu".to_owned()
+    #[cfg(feature = "gpu")]
+    fn open_gpu(wanted: DeviceChoice, programs: [&Program; 2]) -> Result<Self, Fallback> {
+        super::gpu::Gpu::open(wanted, &programs).map(Self::Gpu)
     }
 
-    pub(super) fn start(&mut self, _: &[super::models::Model; 2]) -> Result<Start, Fallback> {
-        Ok(Start::Cpu)
-    }
-
-    pub(super) fn run(
-        &mut self,
-        _: &[super::models::Model; 2],
-        _: &[super::inputs::Inputs<'_>; 2],
-    ) -> Result<[Vec<f32>; 2], Fallback> {
+    #[cfg(not(feature = "gpu"))]
+    fn open_gpu(_: DeviceChoice, _: [&Program; 2]) -> Result<Self, Fallback> {
         Err(Fallback::NotBuilt)
+    }
+
+    /// `cpu`, or the adapter's name.
+    pub(super) fn name(&self) -> &str {
+        match self {
+            Self::Cpu => "cpu",
+            #[cfg(feature = "gpu")]
+            Self::Gpu(gpu) => gpu.name(),
+        }
+    }
+
+    /// Runs both networks, if that is not left to the caller.
+    #[cfg_attr(not(feature = "gpu"), allow(unused_variables))] // only adapters run by themselves
+    pub(super) fn run(
+        &self,
+        programs: [&Program; 2],
+        inputs: &[Inputs<'_>; 2],
+    ) -> Option<Result<[Vec<f32>; 2], Fallback>> {
+        match self {
+            Self::Cpu => None,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(gpu) => Some(gpu.run(&programs, inputs).and_then(|outputs| {
+                outputs.try_into().map_err(|_| Fallback::Lost {
+                    device: gpu.name().to_owned(),
+                    reason: "it did not answer for both networks".to_owned(),
+                })
+            })),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn compact_networks_stay_on_the_cpu_and_large_sets_do_not() {
+        let compact = 100_000_000;
+        assert!(!Estimate::new(compact, 1, 1).prefers_gpu());
+        assert!(Estimate::new(compact, 1000, 1).prefers_gpu());
+        assert!(Estimate::new(8_000_000_000, 1, 1).prefers_gpu());
+    }
+
+    #[test]
+    fn device_names_round_trip() {
+        for choice in [
+            DeviceChoice::Auto,
+            DeviceChoice::Gpu,
+            DeviceChoice::Software,
+            DeviceChoice::Cpu,
+        ] {
+            assert_eq!(choice.to_string().parse(), Ok(choice));
+        }
+        assert!(
+            "tpu"
+                .parse::<DeviceChoice>()
+                .unwrap_err()
+                .to_string()
+                .contains("`tpu`")
+        );
     }
 }

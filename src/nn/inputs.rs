@@ -10,6 +10,8 @@ pub struct Inputs<'a> {
     pub map: &'a MapTensor,
     /// The automaton.
     pub graph: &'a AutomatonGraph,
+    /// What [`Source::Given`] refers to; models have no such inputs.
+    pub given: &'a [&'a [f32]],
 }
 
 impl Inputs<'_> {
@@ -30,6 +32,14 @@ impl Inputs<'_> {
             size: self.size(),
         };
         match input.source {
+            Source::Given(k) => {
+                let mut lines = self.given[k].chunks_exact(input.at.columns.max(1));
+                rows.each(|_, row| {
+                    if let Some(line) = lines.next() {
+                        row.copy_from_slice(line);
+                    }
+                });
+            }
             Source::Constant(value) => rows.each(|_, row| row.fill(value)),
             Source::StateFeatures => rows.each(|i, row| row.copy_from_slice(&self.graph.states[i])),
             Source::Literals => self.literals(&mut rows),

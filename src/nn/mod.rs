@@ -7,13 +7,15 @@
 pub mod config;
 pub mod cpu;
 pub mod device;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod inputs;
 pub mod models;
 mod predictor;
 pub mod program;
 pub mod weights;
 
-pub use device::{DeviceChoice, Fallback};
+pub use device::{DeviceChoice, Estimate, Fallback};
 pub use predictor::{
     HEATMAP_SIDE, LoadError, LoadOptions, MODEL_FILES, ModelInfo, PredictError, Predictor, Timings,
     embedded,

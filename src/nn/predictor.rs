@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::config::Kind;
 use super::cpu::{Planes, PlanesMut, Session, upsample};
-use super::device::{Backend, DeviceChoice, Fallback, Start};
+use super::device::{Backend, DeviceChoice, Estimate, Fallback};
 use super::inputs::Inputs;
 use super::models::Model;
 use super::program::GraphSize;
@@ -118,7 +118,7 @@ impl From<DeviceChoice> for LoadOptions {
 pub struct Timings {
     /// Rasterising the map (the automaton is encoded before).
     pub encode: Duration,
-    /// Starting the device, the first time.
+    /// Opening the device; with the first prediction only.
     pub start: Duration,
     /// Running the networks, transfers included.
     pub infer: Duration,
@@ -140,6 +140,8 @@ pub struct Predictor {
     backend: Backend,
     sessions: [Session; 2],
     threads: usize,
+    /// How long the device took to open; told with the first prediction.
+    start: Duration,
     notice: Option<Fallback>,
 }
 
@@ -203,19 +205,25 @@ impl Predictor {
             model(&files[1], Kind::StateNet)?,
         ];
         let options = options.into();
-        let work = models
-            .iter()
-            .map(|m| m.program.multiply_adds(TYPICAL))
-            .sum();
-        let (backend, notice) = Backend::choose(&options, work);
+        let estimate = estimate(&models, &options);
+        let begin = Instant::now();
+        let programs = models.each_ref().map(|m| &m.program);
+        let (backend, notice) = Backend::open(options.device, estimate, programs);
         Ok(Self {
             models: Arc::new(models),
             hash,
             backend,
             sessions: [Session::new(options.threads), Session::new(options.threads)],
             threads: options.threads,
+            start: begin.elapsed(),
             notice,
         })
+    }
+
+    /// What `auto` weighs for this model.
+    #[must_use]
+    pub fn estimate(&self, options: &LoadOptions) -> Estimate {
+        estimate(&self.models, options)
     }
 
     /// The number of region channels: missions with more used regions have no prediction.
@@ -236,13 +244,22 @@ impl Predictor {
 
     /// The device that runs the networks: `cpu`, or an adapter's name.
     #[must_use]
-    pub fn device(&self) -> String {
+    pub fn device(&self) -> &str {
         self.backend.name()
     }
 
     /// Why the CPU runs the networks although another device was asked for: once.
     pub fn take_notice(&mut self) -> Option<Fallback> {
         self.notice.take()
+    }
+
+    /// Makes the device fail, for tests of what happens then.
+    #[doc(hidden)]
+    pub fn lose_device(&self) {
+        #[cfg(feature = "gpu")]
+        if let Backend::Gpu(gpu) = &self.backend {
+            gpu.lose();
+        }
     }
 
     /// The two networks, PathNet first.
@@ -273,15 +290,20 @@ impl Predictor {
             Inputs {
                 map: &path_map,
                 graph,
+                given: &[],
             },
             Inputs {
                 map: state_map,
                 graph,
+                given: &[],
             },
         ];
         let encode = begin.elapsed();
-        let (outputs, start, infer) = self.run(&inputs);
+        let begin = Instant::now();
+        let outputs = self.run(&inputs);
+        let infer = begin.elapsed();
         let guidance = self.guidance(outputs)?;
+        let start = std::mem::take(&mut self.start);
         Ok((
             guidance,
             Timings {
@@ -293,33 +315,23 @@ impl Predictor {
     }
 
     /// Runs both networks, on the CPU if the device fails.
-    fn run(&mut self, inputs: &[Inputs<'_>; 2]) -> ([Vec<f32>; 2], Duration, Duration) {
-        let begin = Instant::now();
-        let mut start = Duration::ZERO;
-        match self.backend.start(&self.models) {
-            Ok(Start::Cpu) => {}
-            Ok(Start::Running) => {
-                start = begin.elapsed();
-                let begin = Instant::now();
-                match self.backend.run(&self.models, inputs) {
-                    Ok(outputs) => return (outputs, start, begin.elapsed()),
-                    Err(reason) => self.fall_back(reason),
-                }
-            }
-            Err(reason) => self.fall_back(reason),
+    fn run(&mut self, inputs: &[Inputs<'_>; 2]) -> [Vec<f32>; 2] {
+        let programs = self.models.each_ref().map(|m| &m.program);
+        match self.backend.run(programs, inputs) {
+            Some(Ok(outputs)) => return outputs,
+            Some(Err(reason)) => self.fall_back(reason),
+            None => {}
         }
-        let begin = Instant::now();
         let [path, state] = &mut self.sessions;
-        let [path_model, state_model] = &*self.models;
-        let mut run_path = || path.run(&path_model.program, &inputs[0]).to_vec();
-        let mut run_state = || state.run(&state_model.program, &inputs[1]).to_vec();
-        let outputs = if self.threads > 1 {
-            let (a, b) = rayon::join(run_path, run_state);
-            [a, b]
+        let [path_program, state_program] = self.models.each_ref().map(|m| &m.program);
+        let mut run_path = || path.run(path_program, &inputs[0]).to_vec();
+        let mut run_state = || state.run(state_program, &inputs[1]).to_vec();
+        if self.threads > 1 {
+            let (path, state) = rayon::join(run_path, run_state);
+            [path, state]
         } else {
             [run_path(), run_state()]
-        };
-        (outputs, start, begin.elapsed())
+        }
     }
 
     fn fall_back(&mut self, reason: Fallback) {
@@ -349,6 +361,10 @@ impl Predictor {
     fn guidance(&self, [mut cells, states]: [Vec<f32>; 2]) -> Result<Guidance, PredictError> {
         if cells.iter().chain(&states).any(|v| !v.is_finite()) {
             return Err(PredictError::NotFinite);
+        }
+        let side = cells.len().isqrt();
+        if side != HEATMAP_SIDE {
+            cells = resized(&cells, side, HEATMAP_SIDE);
         }
         sharpen(&mut cells, self.models[0].config.power());
         let heatmap = Heatmap {
@@ -391,6 +407,14 @@ fn sharpen(cells: &mut [f32], power: f32) {
             .iter_mut()
             .for_each(|p| *p = libm::powf(*p / largest, power));
     }
+}
+
+fn estimate(models: &[Model; 2], options: &LoadOptions) -> Estimate {
+    let work = models
+        .iter()
+        .map(|m| m.program.multiply_adds(TYPICAL))
+        .sum();
+    Estimate::new(work, options.missions, options.threads)
 }
 
 fn model(file: &WeightFile, expected: Kind) -> Result<Model, LoadError> {

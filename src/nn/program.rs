@@ -505,6 +505,8 @@ pub enum Source {
     Literals,
     /// The same value everywhere.
     Constant(f32),
+    /// Values from outside: the entry of this number of [`Inputs::given`](super::inputs::Inputs::given).
+    Given(usize),
 }
 
 /// An input: what goes where.

@@ -1,8 +1,11 @@
 //! Graph layers.
 
 use crate::nn::config::POOL_WIDTH;
-use crate::nn::program::{Activation, Edges, Extent, Matrix, Op, Program, Source};
+use crate::nn::program::{Activation, Edges, Extent, Map, Matrix, Op, Program, Sign, Source};
 use crate::nn::weights::{EdgeWeights, TensorSource};
+
+/// Coordinate planes beside what the automaton looks at.
+pub(super) const PLANES: usize = 5;
 
 /// A number or a view for each node type.
 #[derive(Clone, Copy, Debug)]
@@ -221,4 +224,61 @@ pub(super) fn graph_feature(program: &mut Program, nodes: PerType<Matrix>) -> Ma
         y: feature.columns(2 * width, width),
     });
     feature
+}
+
+/// The input of the first graph layer when nodes look at the map: what stands under the regions
+/// that a transition needs and forbids, and at the start (`docs/networks.md`, Looking at the map).
+///
+/// The last [`PLANES`] channels of `features` are filled here.
+pub(super) fn look(
+    program: &mut Program,
+    features: Map,
+    labels: usize,
+    reverse: bool,
+) -> LayerInput {
+    let planes = features.channels(features.channels - PLANES, PLANES);
+    program.input(Source::Planes, planes.as_matrix());
+    let mask = program.map(labels + 1, features.height, features.width);
+    program.input(Source::Masks, mask.as_matrix());
+    let looked = features.channels;
+    let rows = program.matrix(Extent::Fixed(labels + 1), looked);
+    program.push(Op::RegionMean {
+        x: features,
+        mask,
+        y: rows,
+    });
+    let (regions, here) = (rows.rows(0, labels), rows.rows(labels, 1));
+
+    let plain = plain_widths(labels);
+    let widths = PerType {
+        state: plain.state + looked,
+        transition: plain.transition + 2 * looked,
+        pool: plain.pool + looked,
+    };
+    let input = LayerInput::new(program, widths, reverse);
+    input.plain(program, labels);
+    let own = input.own();
+    program.push(Op::RepeatRow {
+        x: here,
+        y: own.state.columns(plain.state, looked),
+    });
+    program.push(Op::RepeatRow {
+        x: here,
+        y: own.pool.columns(plain.pool, looked),
+    });
+    // The literals once more by themselves: an operation does not read the buffer that it writes.
+    let literals = program.matrix(Extent::Transitions, labels);
+    program.input(Source::Literals, literals);
+    for (k, sign) in [Sign::Positive, Sign::Negative].into_iter().enumerate() {
+        let y = own
+            .transition
+            .columns(plain.transition + k * looked, looked);
+        program.push(Op::SignMean {
+            literals,
+            x: regions,
+            sign,
+            y,
+        });
+    }
+    input
 }

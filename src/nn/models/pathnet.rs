@@ -1,6 +1,6 @@
 //! PathNet: where good paths run.
 
-use super::automaton::{LayerInput, graph_feature, plain_widths, stack};
+use super::automaton::{LayerInput, PLANES, graph_feature, look, plain_widths, stack};
 use super::unet::{HALF, conv, unet, up};
 use crate::nn::config::{Fusion, PathPaint, PathPaper, Skip};
 use crate::nn::program::{Activation, Extent, Map, Matrix, Op, Program, Sign, Source, Window};
@@ -110,8 +110,14 @@ pub(super) fn paper(source: &mut TensorSource<'_>, program: &mut Program, c: &Pa
 
 /// `variant: "paint"`.
 pub(super) fn paint(source: &mut TensorSource<'_>, program: &mut Program, c: &PathPaint) {
-    let input = LayerInput::new(program, plain_widths(c.labels), c.reverse);
-    input.plain(program, c.labels);
+    let input = if c.look > 0 {
+        let planes = program.map(PLANES, c.look, c.look);
+        look(program, planes, c.labels, c.reverse)
+    } else {
+        let input = LayerInput::new(program, plain_widths(c.labels), c.reverse);
+        input.plain(program, c.labels);
+        input
+    };
     let literals = input.own().transition.columns(0, c.labels);
     let after = stack(source, program, input, &c.graph);
     let nodes = after[after.len() - 1];

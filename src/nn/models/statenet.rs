@@ -1,13 +1,10 @@
 //! StateNet: which automaton states good paths visit.
 
-use super::automaton::{LayerInput, PerType, plain_widths, stack};
+use super::automaton::{LayerInput, PLANES, PerType, look, plain_widths, stack};
 use super::{resnet, unet::unet};
-use crate::nn::config::{POOL_WIDTH, StateLookup, StatePaper};
-use crate::nn::program::{Activation, Extent, Matrix, Op, Program, Sign, Source, Window};
+use crate::nn::config::{StateLookup, StatePaper};
+use crate::nn::program::{Activation, Extent, Matrix, Op, Program, Source, Window};
 use crate::nn::weights::{Norm, TensorSource};
-
-/// Coordinate planes beside the map's features (`docs/networks.md`, `lookup`, step 2).
-const PLANES: usize = 5;
 
 /// Width of the hidden layer of the paper's head.
 const PAPER_HEAD: usize = 256;
@@ -105,47 +102,7 @@ pub(super) fn lookup(source: &mut TensorSource<'_>, program: &mut Program, c: &S
         program.input(input, x.channels(k, 1).as_matrix());
     }
     let features = unet(source, program, &c.unet, x, None, c.stop, PLANES);
-    let planes = features.channels(features.channels - PLANES, PLANES);
-    program.input(Source::Planes, planes.as_matrix());
-    let mask = program.map(c.labels + 1, features.height, features.width);
-    program.input(Source::Masks, mask.as_matrix());
-    let looked = features.channels;
-    let rows = program.matrix(Extent::Fixed(c.labels + 1), looked);
-    program.push(Op::RegionMean {
-        x: features,
-        mask,
-        y: rows,
-    });
-    let (regions, here) = (rows.rows(0, c.labels), rows.rows(c.labels, 1));
-
-    let widths = PerType {
-        state: 3 + looked,
-        transition: c.labels + 2 * looked,
-        pool: POOL_WIDTH + looked,
-    };
-    let input = LayerInput::new(program, widths, c.reverse);
-    input.plain(program, c.labels);
-    let own = input.own();
-    program.push(Op::RepeatRow {
-        x: here,
-        y: own.state.columns(3, looked),
-    });
-    program.push(Op::RepeatRow {
-        x: here,
-        y: own.pool.columns(POOL_WIDTH, looked),
-    });
-    // The literals once more by themselves: an operation does not read the buffer that it writes.
-    let literals = program.matrix(Extent::Transitions, c.labels);
-    program.input(Source::Literals, literals);
-    for (k, sign) in [Sign::Positive, Sign::Negative].into_iter().enumerate() {
-        let y = own.transition.columns(c.labels + k * looked, looked);
-        program.push(Op::SignMean {
-            literals,
-            x: regions,
-            sign,
-            y,
-        });
-    }
+    let input = look(program, features, c.labels, c.reverse);
     let after = stack(source, program, input, &c.graph);
     head(source, program, after[after.len() - 1].state, c.head, 1);
 }

@@ -58,11 +58,11 @@ def indices(count, size, seed, step):
     return out
 
 
-def make(missions, chosen, augment=NONE, rng=None, reach=False):
-    """The batch of the missions with these indices; ``reach``: see ``target_cells``."""
+def make(missions, chosen, augment=NONE, rng=None, reach=False, heat=True):
+    """The batch of the missions with these indices; ``reach``: see ``target_cells``; without ``heat`` it stays 0."""
     side, labels = missions.resolution, missions.labels
     codes = np.zeros((len(chosen), side, side), dtype=missions.codes.dtype)
-    heat = np.zeros((len(chosen), side, side), dtype=np.float32)
+    targets = np.zeros((len(chosen), side, side), dtype=np.float32)
     begin = np.zeros((len(chosen), side, side), dtype=bool)
     region = np.full((len(chosen), labels), -1, dtype=np.int64)
     columns = np.tile(np.arange(labels), (len(chosen), 1))
@@ -71,11 +71,12 @@ def make(missions, chosen, augment=NONE, rng=None, reach=False):
         start, cells = missions.start[k], target_cells(missions, k, reach)
         if augment.jitter and rng.random() < augment.jitter:
             start, cells = _slide(missions, k, code, rng, cells) or (start, cells)
-        target = _lower(cells, side)
         cell = np.zeros((side, side), dtype=bool)
         cell[raster.cell(start, side)] = True
         turn = rng.integers(8) if augment.symmetries else 0
-        codes[b], heat[b], begin[b] = turned(code, turn), turned(target, turn), turned(cell, turn)
+        codes[b], begin[b] = turned(code, turn), turned(cell, turn)
+        if heat:
+            targets[b] = turned(_lower(cells, side), turn)
         region[b] = missions.order[k]
         if augment.permute and rng.random() < augment.permute:
             columns[b] = rng.permutation(labels)
@@ -83,7 +84,7 @@ def make(missions, chosen, augment=NONE, rng=None, reach=False):
     return Batch(
         raster_tensor(codes, begin, region),
         _graphs(missions, chosen, columns),
-        torch.from_numpy(heat),
+        torch.from_numpy(targets),
         torch.from_numpy(_gather(missions.visited, missions.states_at, chosen).astype(np.float32)),
     )
 

@@ -17,7 +17,7 @@ from . import batches, export, models, raster
 from .graph import Graphs
 
 PAINT = dict(
-    kind="pathnet", variant="paint", labels=3, resolution=50, graph=[8, 6], reverse=True, embedding=4,
+    kind="pathnet", variant="paint", labels=3, resolution=50, graph=[8, 6], reverse=True, look=25, embedding=4,
     widths=[4, 6, 8], stem=2, middle=1, top=3, output=100,
 )  # fmt: skip
 PATH = dict(
@@ -34,7 +34,7 @@ STATE = dict(
 
 GOLDENS = {
     "pathnet-paint": PAINT,
-    "pathnet-paint-stem1": {**PAINT, "stem": 1, "resolution": 50, "widths": [3, 4, 6, 8], "middle": 2, "reverse": False},
+    "pathnet-paint-stem1": {**PAINT, "stem": 1, "resolution": 50, "widths": [3, 4, 6, 8], "middle": 2, "reverse": False, "look": 0},
     "pathnet-paint-200": {**PAINT, "resolution": 100, "labels": 7, "output": 200},
     "pathnet-paper": PATH,
     "pathnet-paper-broadcast": {**PATH, "fusion": "broadcast", "skip": "none", "resolution": 64, "n1": 2},

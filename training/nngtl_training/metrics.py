@@ -14,28 +14,23 @@ CAP = 1000
 _BINS = 4096
 
 
-class Ranking:
-    """Average precision from a histogram of scores in [0, 1]."""
+def counts(scores, positive):
+    """Histogram of scores in [0, 1] for negatives and positives, (2, bins), from which ``average_precision`` reads."""
+    # Spread by the logit, so that scores near 0 and 1 keep their order.
+    scores = np.clip(scores.astype(np.float64), 1e-9, 1 - 1e-9)
+    at = (np.log(scores / (1 - scores)) / 42 + 0.5) * _BINS
+    at = np.clip(at.astype(np.int64), 0, _BINS - 1)
+    return np.stack([np.bincount(at[positive == kind], minlength=_BINS) for kind in (False, True)])
 
-    def __init__(self):
-        self.counts = np.zeros((2, _BINS), dtype=np.int64)
 
-    def add(self, scores, positive):
-        # Spread by the logit, so that scores near 0 and 1 keep their order.
-        scores = np.clip(scores.astype(np.float64), 1e-9, 1 - 1e-9)
-        at = (np.log(scores / (1 - scores)) / 42 + 0.5) * _BINS
-        at = np.clip(at.astype(np.int64), 0, _BINS - 1)
-        for kind in (0, 1):
-            self.counts[kind] += np.bincount(at[positive == bool(kind)], minlength=_BINS)
-
-    def value(self):
-        """0 when there is no positive."""
-        right = np.cumsum(self.counts[1, ::-1])
-        all_ = right + np.cumsum(self.counts[0, ::-1])
-        if right[-1] == 0:
-            return 0.0
-        gained = np.diff(right, prepend=0) / right[-1]
-        return float((gained * right / np.maximum(all_, 1)).sum())
+def average_precision(counted):
+    """0 when there is no positive."""
+    right = np.cumsum(counted[1, ::-1])
+    every = right + np.cumsum(counted[0, ::-1])
+    if right[-1] == 0:
+        return 0.0
+    gained = np.diff(right, prepend=0) / right[-1]
+    return float((gained * right / np.maximum(every, 1)).sum())
 
 
 def _truth(missions, chosen):
@@ -68,16 +63,14 @@ def evaluate(model, missions, limit=None, size=32, device="cpu"):
     number = len(missions) if limit is None else min(limit, len(missions))
     # Spread over the set, which may be ordered by family.
     chosen = np.linspace(0, len(missions) - 1, number).astype(np.int64)
-    rows = [] # one per mission
+    rows = []  # one per mission
     groups = {}
     for first in range(0, number, size):
         part = chosen[first : first + size]
         batch = batches.make(missions, part).to(device)
         logits = model(batch.raster, batch.graphs).float()
         if paths:
-            rows += _path_rows(logits, batch, _truth(missions, part))
-            for row, k in zip(rows[-len(part) :], part):
-                row |= _draws(row["_scores"].reshape(TARGET_SIDE, TARGET_SIDE), missions, k)
+            rows += _path_rows(logits, batch, missions, part)
         else:
             rows += _state_rows(logits[:, -1], batch)
     for k, row in zip(chosen, rows):
@@ -87,12 +80,12 @@ def evaluate(model, missions, limit=None, size=32, device="cpu"):
     return {key: _summary(rows) for key, rows in sorted(groups.items())}
 
 
-def _path_rows(logits, batch, truth):
+def _path_rows(logits, batch, missions, chosen):
     loss = F.binary_cross_entropy_with_logits(logits, batch.heat, reduction="none").mean(dim=(1, 2))
-    heat = heatmap(logits).cpu().numpy()
+    heat, truth = heatmap(logits).cpu().numpy(), _truth(missions, chosen)
     out = []
-    for value, scores, positive in zip(loss.tolist(), heat, truth):
-        row = {"loss": value, "_scores": scores.ravel().astype(np.float32), "_positive": positive.ravel()}
+    for k, value, scores, positive in zip(chosen, loss.tolist(), heat, truth):
+        row = {"loss": value, "_counts": counts(scores.ravel(), positive.ravel()), **_draws(scores, missions, k)}
         for power in POWERS:
             weight = scores.astype(np.float64) ** power
             row[f"mass{power}"] = float(weight[positive].sum() / max(weight.sum(), 1e-300))
@@ -134,8 +127,7 @@ def _state_rows(logits, batch):
                 "loss": float(loss[mine].mean()),
                 "accuracy": float(right.mean()),
                 "exact": float(right.all()),
-                "_scores": scores[mine],
-                "_positive": truth[mine],
+                "_counts": counts(scores[mine], truth[mine]),
             }
         )
     return out
@@ -145,9 +137,7 @@ def _summary(rows):
     out = {"missions": len(rows)}
     for key in sorted({key for row in rows for key in row if not key.startswith("_")}):
         out[key] = float(np.mean([row[key] for row in rows if key in row]))
-    ranking = Ranking()
-    for row in rows:
-        ranking.add(row["_scores"], row["_positive"])
-    out["ap"] = ranking.value()
-    out["base"] = float(ranking.counts[1].sum() / ranking.counts.sum())
+    counted = sum(row["_counts"] for row in rows)
+    out["ap"] = average_precision(counted)
+    out["base"] = float(counted[1].sum() / counted.sum())
     return out

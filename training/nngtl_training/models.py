@@ -46,6 +46,27 @@ def halves(resolution, number):
     return sizes
 
 
+def looking_nodes(graphs, features, masks, start):
+    """Node features extended by what the map is like where they look: transitions at their regions, the rest at the start."""
+    looked = region_mean(features, torch.cat([masks, start], dim=1))
+    regions, here = looked[:, :-1], looked[:, -1]
+    need, forbid = gr.sign_mean(graphs, regions, 1), gr.sign_mean(graphs, regions, -1)
+    return {
+        "state": torch.cat([graphs.states, here[graphs.state_graph]], dim=1),
+        "transition": torch.cat([graphs.transitions, need, forbid], dim=1),
+        "pool": torch.cat([graphs.pool_input(), here], dim=1),
+    }
+
+
+def looking_widths(config, looked):
+    plain = plain_widths(config)
+    return {
+        "state": plain["state"] + looked,
+        "transition": plain["transition"] + 2 * looked,
+        "pool": plain["pool"] + looked,
+    }
+
+
 class UNet(nn.Module):
     """The map network that our variants share; its parts bear the names of the file."""
 
@@ -168,7 +189,8 @@ class PathNetPaint(UNet):
     def __init__(self, config):
         super().__init__()
         self.config, width, k = config, config["graph"][-1], config["embedding"]
-        self.graph = gr.layers(plain_widths(config), config["graph"], config["reverse"])
+        widths = looking_widths(config, PLANES) if config["look"] else plain_widths(config)
+        self.graph = gr.layers(widths, config["graph"], config["reverse"])
         self.paint = Paint(width, k)
         self.build_unet(2 + k, config, 0)
         self.condition = nn.Linear(3 * width, config["widths"][-1])
@@ -181,13 +203,17 @@ class PathNetPaint(UNet):
 
     def forward(self, raster, graphs):
         """Logits (B, R, R) from rasters (B, 1 + labels, R, R)."""
+        status, masks = raster[:, :1], raster[:, 1:]
+        start = (-status).clamp(min=0)
         with torch.autocast(raster.device.type, enabled=False):
-            nodes = run_graph(self.graph, graphs, plain_nodes(graphs))[-1]
+            nodes = plain_nodes(graphs)
+            if self.config["look"]:
+                nodes = looking_nodes(graphs, planes(start, self.config["look"]), masks, start)
+            nodes = run_graph(self.graph, graphs, nodes)[-1]
             embedding = self.paint(graphs, nodes["transition"])
             condition = self.condition(gr.graph_feature(graphs, nodes))
-        status, masks = raster[:, :1], raster[:, 1:]
         painted = torch.einsum("blxy,blk->bkxy", masks, embedding)
-        x = torch.cat([status.clamp(min=0), (-status).clamp(min=0), painted], dim=1)
+        x = torch.cat([status.clamp(min=0), start, painted], dim=1)
         x = self.run_unet(x.contiguous(memory_format=torch.channels_last), condition)
         return self.head(F.relu(self.top(x)))[:, 0]
 
@@ -228,13 +254,7 @@ class StateNetLookup(UNet):
         super().__init__()
         self.config = config
         self.build_unet(3, config, config["stop"])
-        looked = 2 * config["widths"][config["stop"]] + 5
-        widths = plain_widths(config)
-        widths = {
-            "state": widths["state"] + looked,
-            "transition": widths["transition"] + 2 * looked,
-            "pool": widths["pool"] + looked,
-        }
+        widths = looking_widths(config, 2 * config["widths"][config["stop"]] + PLANES)
         self.graph = gr.layers(widths, config["graph"], config["reverse"])
         self.head = nn.ModuleList(
             [nn.Linear(config["graph"][-1], config["head"]), nn.Linear(config["head"], 1)]
@@ -248,17 +268,12 @@ class StateNetLookup(UNet):
         x = self.run_unet(x.contiguous(memory_format=torch.channels_last)).float()
         with torch.autocast(raster.device.type, enabled=False):
             x = torch.cat([x, planes(start, x.shape[2])], dim=1)
-            looked = region_mean(x, torch.cat([masks, start], dim=1))
-            regions, here = looked[:, :-1], looked[:, -1]
-            nodes = {
-                "state": torch.cat([graphs.states, here[graphs.state_graph]], dim=1),
-                "transition": torch.cat(
-                    [graphs.transitions, gr.sign_mean(graphs, regions, 1), gr.sign_mean(graphs, regions, -1)], dim=1
-                ),
-                "pool": torch.cat([graphs.pool_input(), here], dim=1),
-            }
+            nodes = looking_nodes(graphs, x, masks, start)
             states = run_graph(self.graph, graphs, nodes)[-1]["state"]
             return self.head[1](F.relu(self.head[0](states)))
+
+
+PLANES = 5
 
 
 def planes(start, side):

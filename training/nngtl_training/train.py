@@ -94,7 +94,8 @@ class Run:
         torch.manual_seed(int(rng.integers(2**31)))
         chosen = batches.indices(len(self.missions), self.options["batch"], self.seed, self.step)
         chosen = chosen[self.team.rank :: self.team.size]
-        batch = batches.make(self.missions, chosen, self.augment, rng, self.options["reach"]).to(self.device)
+        paths = self.config["network"]["kind"] == "pathnet"
+        batch = batches.make(self.missions, chosen, self.augment, rng, self.options["reach"], paths).to(self.device)
         for group in self.optimizer.param_groups:
             group["lr"] = self.rate(progress)
         self.model.train()
@@ -113,14 +114,18 @@ class Run:
         return loss.item()
 
     def loss(self, logits, batch):
-        """Binary cross entropy: over cells for PathNet, over every logit of every state for StateNet."""
+        """Binary cross entropy: over cells for PathNet, over the logits of the states for StateNet."""
         if self.config["network"]["kind"] == "pathnet":
             weight = torch.tensor(self.options["positive_weight"], device=logits.device)
             return F.binary_cross_entropy_with_logits(logits, batch.heat, pos_weight=weight)
         truth = batch.visited[:, None]
         if logits.shape[1] == 2:
             truth = torch.cat([1 - truth, truth], dim=1)
-        return F.binary_cross_entropy_with_logits(logits, truth)
+        loss = F.binary_cross_entropy_with_logits(logits, truth.expand_as(logits), reduction="none").mean(dim=1)
+        owner = batch.graphs.state_graph
+        # Between one voice per state, where a few large automata drown the rest, and one per mission.
+        weight = torch.bincount(owner).float()[owner] ** -self.options["balance"]
+        return (loss * weight).sum() / weight.sum()
 
     def state(self):
         return {

@@ -7,7 +7,7 @@ import pytest
 import torch
 from safetensors import safe_open
 
-from nngtl_training import batches, configs, data, export, metrics, models, train
+from nngtl_training import batches, configs, data, evaluate, export, metrics, models, train
 
 SMALL = {
     "pathnet": ["network.widths=[4,8,8]", "network.graph=[8,8]", "network.embedding=3", "network.top=4"],
@@ -154,6 +154,17 @@ def test_resnet50_has_the_published_size():
     assert sum(p.numel() for p in trunk.parameters()) == 23_508_032  # ResNet-50 without its last layer
 
 
+def test_the_balanced_state_loss_by_hand(data_set):
+    run = begin(small("statenet"), data_set[0])
+    batch = batches.make(run.missions, np.arange(2), heat=False)
+    batch.graphs.state_graph = torch.tensor([0, 0, 0, 0, 1])
+    batch.visited = torch.tensor([1.0, 1, 1, 1, 1])
+    logits = torch.tensor([[0.0], [0.0], [0.0], [0.0], [5.0]])
+    high, low = np.log(2), np.log1p(np.exp(-5))
+    expected = (4 * high / 2 + low) / (4 / 2 + 1)
+    assert abs(run.loss(logits, batch).item() - expected) < 1e-6
+
+
 def test_draws_by_hand(data_set):
     missions = data.load(data_set[0], configs.get("compact", "pathnet")["network"])
     k = int(np.flatnonzero(np.diff(missions.legs_at) == 1)[0])
@@ -166,6 +177,13 @@ def test_draws_by_hand(data_set):
 
 
 def test_average_precision_by_hand():
-    ranking = metrics.Ranking()
-    ranking.add(np.array([0.9, 0.8, 0.7, 0.1]), np.array([True, False, True, False]))
-    assert abs(ranking.value() - (1 / 2 * 1 + 1 / 2 * 2 / 3)) < 1e-9
+    counted = metrics.counts(np.array([0.9, 0.8, 0.7, 0.1]), np.array([True, False, True, False]))
+    assert abs(metrics.average_precision(counted) - (1 / 2 * 1 + 1 / 2 * 2 / 3)) < 1e-9
+
+
+def test_the_evaluate_command_reads_weight_and_data(data_set, tmp_path, capsys):
+    export.write(tmp_path / "x.safetensors", models.build(small("statenet")["network"]))
+    evaluate.main([str(tmp_path / "x.safetensors"), str(data_set[0]), "--limit", "6"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["all"]["missions"] == 6 and 0 < found["all"]["ap"] <= 1
+    assert sum(v["missions"] for k, v in found.items() if k.startswith("pattern")) == 6

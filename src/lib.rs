@@ -5,3 +5,5 @@ pub mod automaton;
 pub mod guidance;
 pub mod ltl;
 pub mod plan;
+pub mod random;
+pub mod workspace;

@@ -52,8 +52,5 @@ pub struct Path {
 /// The length of a polyline through `points`, in map units.
 #[must_use]
 pub fn length(points: &[Waypoint]) -> f64 {
-    points
-        .windows(2)
-        .map(|w| (w[1].at - w[0].at).norm())
-        .sum()
+    points.windows(2).map(|w| (w[1].at - w[0].at).norm()).sum()
 }

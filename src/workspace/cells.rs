@@ -1,0 +1,162 @@
+//! The free space cut into cells of one letter each, by polygon booleans.
+
+use geo::{Area, BooleanOps, BoundingRect, Centroid, Coord, InteriorPoint, LineString};
+use geo::{MultiPolygon, TriangulateEarcut};
+use nalgebra::Point2;
+
+use super::{Bounds, Polygon, Region};
+use crate::alphabet::Props;
+use crate::random::{Random, unit};
+
+/// Parts smaller than this share of the squared map side are rounding of the booleans, not space.
+const MIN_AREA: f64 = 2e-9;
+
+/// A connected part of the free space that carries one letter.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    outline: Vec<Vec<Point2<f64>>>,
+    triangles: Vec<[Point2<f64>; 3]>,
+    /// Running sums of the triangles' areas.
+    areas: Vec<f64>,
+    inner: Point2<f64>,
+}
+
+impl Cell {
+    pub(super) fn new(part: geo::Polygon<f64>, inner: Point2<f64>) -> Self {
+        let point = |c: &Coord<f64>| Point2::new(c.x, c.y);
+        let ring = |r: &LineString<f64>| -> Vec<Point2<f64>> {
+            r.0[..r.0.len().saturating_sub(1)]
+                .iter()
+                .map(point)
+                .collect()
+        };
+        let outline = std::iter::once(part.exterior())
+            .chain(part.interiors())
+            .map(ring)
+            .collect();
+        let triangles: Vec<[Point2<f64>; 3]> = part
+            .earcut_triangles()
+            .iter()
+            .map(|t| t.to_array().map(|c| point(&c)))
+            .collect();
+        let mut sum = 0.0;
+        let areas = triangles
+            .iter()
+            .map(|[a, b, c]| {
+                sum += (b - a).perp(&(c - a)).abs() / 2.0;
+                sum
+            })
+            .collect();
+        Self {
+            outline,
+            triangles,
+            areas,
+            inner,
+        }
+    }
+
+    /// The area, in squared map units.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        self.areas.last().copied().unwrap_or(0.0)
+    }
+
+    /// A fixed point inside: the centroid where that lies inside.
+    #[must_use]
+    pub fn inner_point(&self) -> Point2<f64> {
+        self.inner
+    }
+
+    /// The border: first the outer ring, then holes; without closing repetitions.
+    #[must_use]
+    pub fn outline(&self) -> &[Vec<Point2<f64>>] {
+        &self.outline
+    }
+
+    /// A point uniform over the cell.
+    pub(super) fn sample(&self, random: &mut Random) -> Point2<f64> {
+        let goal = unit(random) * self.area();
+        let i = self.areas.partition_point(|&a| a <= goal);
+        let Some([a, b, c]) = self.triangles.get(i) else {
+            return self.inner;
+        };
+        // Uniform over a triangle: fold the unit square along its diagonal.
+        let (mut u, mut v) = (unit(random), unit(random));
+        if u + v > 1.0 {
+            (u, v) = (1.0 - u, 1.0 - v);
+        }
+        a + (b - a) * u + (c - a) * v
+    }
+}
+
+/// Cuts the free space into connected parts by the set of regions that contain them.
+pub(super) fn decompose(
+    bounds: &Bounds,
+    obstacles: &[Polygon],
+    regions: &[Region],
+) -> Vec<(Props, geo::Polygon<f64>)> {
+    let frame = geo::Rect::new(
+        Coord {
+            x: bounds.min.x,
+            y: bounds.min.y,
+        },
+        Coord {
+            x: bounds.max.x,
+            y: bounds.max.y,
+        },
+    )
+    .to_polygon();
+    let solid: Vec<geo::Polygon<f64>> = obstacles.iter().map(to_geo).collect();
+    let free = if solid.is_empty() {
+        MultiPolygon::new(vec![frame])
+    } else {
+        frame.difference(&geo::unary_union(&solid))
+    };
+    let smallest = MIN_AREA * bounds.side() * bounds.side();
+    let mut parts = vec![(Props::EMPTY, free)];
+    for (i, region) in regions.iter().enumerate() {
+        let polygon = to_geo(&region.polygon);
+        let mut next = Vec::with_capacity(parts.len() + 1);
+        for (props, part) in parts {
+            if apart(&part, &polygon) {
+                next.push((props, part));
+                continue;
+            }
+            next.push((props.with(i), part.intersection(&polygon)));
+            next.push((props, part.difference(&polygon)));
+        }
+        next.retain(|(_, part)| part.unsigned_area() > smallest);
+        parts = next;
+    }
+    parts
+        .into_iter()
+        .flat_map(|(props, part)| part.0.into_iter().map(move |p| (props, p)))
+        .filter(|(_, p)| p.unsigned_area() > smallest)
+        .collect()
+}
+
+/// Points that are likely to lie inside `part`, the best first.
+pub(super) fn inner_points(part: &geo::Polygon<f64>) -> Vec<Point2<f64>> {
+    [part.centroid(), part.interior_point()]
+        .into_iter()
+        .flatten()
+        .map(|p| Point2::new(p.x(), p.y()))
+        .collect()
+}
+
+fn apart(part: &MultiPolygon<f64>, polygon: &geo::Polygon<f64>) -> bool {
+    match (part.bounding_rect(), polygon.bounding_rect()) {
+        (Some(a), Some(b)) => {
+            a.min().x > b.max().x
+                || a.max().x < b.min().x
+                || a.min().y > b.max().y
+                || a.max().y < b.min().y
+        }
+        _ => true,
+    }
+}
+
+fn to_geo(polygon: &Polygon) -> geo::Polygon<f64> {
+    let coords = polygon.vertices().iter().map(|p| Coord { x: p.x, y: p.y });
+    geo::Polygon::new(LineString::new(coords.collect()), vec![])
+}

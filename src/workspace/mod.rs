@@ -1,0 +1,391 @@
+//! The continuous workspace: bounds, obstacles, named regions, and what may be crossed.
+//!
+//! Obstacles and regions are *open* sets: touching a border is allowed, and a point within the
+//! [tolerance](Workspace::tolerance) of a region's border is outside that region. The robot is a
+//! point. Obstacles may overlap, regions too; where obstacles share a border with each other or with
+//! the bounds there is no gap between them.
+
+mod cells;
+mod index;
+mod polygon;
+mod trace;
+pub mod visibility;
+
+use std::sync::Arc;
+
+use nalgebra::Point2;
+
+use crate::alphabet::{Alphabet, AlphabetError, Letter, Props};
+use crate::random::Random;
+use index::PolygonIndex;
+
+pub use cells::Cell;
+pub use polygon::{Polygon, PolygonError, Side};
+pub use trace::{Blocked, Stretch};
+
+/// Coordinates beyond this magnitude are refused: tolerances would lose their meaning.
+pub const MAX_COORDINATE: f64 = 1e9;
+
+/// The axis-parallel rectangle that the robot moves in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// The corner with the lowest coordinates.
+    pub min: Point2<f64>,
+    /// The corner with the highest coordinates.
+    pub max: Point2<f64>,
+}
+
+impl Bounds {
+    /// The unit square, where the papers' maps live.
+    #[must_use]
+    pub fn unit() -> Self {
+        Self {
+            min: Point2::new(0.0, 0.0),
+            max: Point2::new(1.0, 1.0),
+        }
+    }
+
+    /// The extent along x, in map units.
+    #[must_use]
+    pub fn width(&self) -> f64 {
+        self.max.x - self.min.x
+    }
+
+    /// The extent along y, in map units.
+    #[must_use]
+    pub fn height(&self) -> f64 {
+        self.max.y - self.min.y
+    }
+
+    /// The longer of width and height: the "side" that radii and deviations are relative to.
+    #[must_use]
+    pub fn side(&self) -> f64 {
+        self.width().max(self.height())
+    }
+
+    /// Whether `p` lies in the closed rectangle.
+    #[must_use]
+    pub fn contains(&self, p: Point2<f64>) -> bool {
+        p.x >= self.min.x && p.y >= self.min.y && p.x <= self.max.x && p.y <= self.max.y
+    }
+
+    /// The point of the rectangle nearest to `p`.
+    #[must_use]
+    pub fn clip(&self, p: Point2<f64>) -> Point2<f64> {
+        Point2::new(
+            p.x.clamp(self.min.x, self.max.x),
+            p.y.clamp(self.min.y, self.max.y),
+        )
+    }
+}
+
+/// A named part of the map; its name is a proposition of formulas.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Region {
+    /// The proposition that holds inside.
+    pub name: String,
+    /// Its extent.
+    pub polygon: Polygon,
+}
+
+/// What is at a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Beyond the bounds.
+    Outside,
+    /// In the interior of the obstacle with this number.
+    Obstacle(usize),
+    /// Where the robot may be.
+    Free {
+        /// The regions that contain the point.
+        letter: Letter,
+        /// Whether a region's border runs within the tolerance. Planners put no waypoint there,
+        /// since the slightest deviation would change the letter.
+        on_boundary: bool,
+    },
+}
+
+/// Why a workspace could not be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum WorkspaceError {
+    /// The bounds are empty, inverted, not finite or beyond [`MAX_COORDINATE`].
+    #[error(
+        "bounds [{min_x}, {min_y}] to [{max_x}, {max_y}] are not a rectangle: give the lower-left corner first, finite, each side longer than 0, coordinates within ±{MAX_COORDINATE:e}"
+    )]
+    BadBounds {
+        /// Lowest x.
+        min_x: f64,
+        /// Lowest y.
+        min_y: f64,
+        /// Highest x.
+        max_x: f64,
+        /// Highest y.
+        max_y: f64,
+    },
+    /// Region names clash or there are too many.
+    #[error(transparent)]
+    Regions(#[from] AlphabetError),
+    /// Obstacles cover everything.
+    #[error("obstacles cover the whole workspace: there is nowhere to be")]
+    NoFreeSpace,
+}
+
+/// A map: bounds, obstacles, regions, with what planning asks of them.
+#[derive(Clone, Debug)]
+pub struct Workspace {
+    bounds: Bounds,
+    obstacles: Vec<Polygon>,
+    regions: Vec<Region>,
+    alphabet: Arc<Alphabet>,
+    tolerance: f64,
+    obstacle_index: PolygonIndex,
+    region_index: PolygonIndex,
+    /// For each letter, the connected parts of the free space that carry it.
+    cells: Vec<Vec<Cell>>,
+}
+
+impl Workspace {
+    /// Makes a workspace. Parts of obstacles and regions beyond the bounds are ignored.
+    ///
+    /// # Errors
+    /// Bad bounds, clashing region names, more than 64 regions, or no free space.
+    ///
+    /// ```
+    /// use nalgebra::Point2;
+    /// use nngtl::workspace::{Bounds, Place, Polygon, Region, Workspace};
+    /// let dock = Polygon::rectangle(Point2::new(0.1, 0.1), Point2::new(0.3, 0.3))?;
+    /// let regions = vec![Region { name: "dock".into(), polygon: dock }];
+    /// let map = Workspace::new(Bounds::unit(), vec![], regions)?;
+    /// let letter = map.letter_at(Point2::new(0.2, 0.2)).unwrap();
+    /// assert_eq!(map.alphabet().show(letter), "{dock}");
+    /// assert_eq!(map.locate(Point2::new(2.0, 0.2)), Place::Outside);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn new(
+        bounds: Bounds,
+        obstacles: Vec<Polygon>,
+        regions: Vec<Region>,
+    ) -> Result<Self, WorkspaceError> {
+        check_bounds(&bounds)?;
+        let names: Vec<String> = regions.iter().map(|r| r.name.clone()).collect();
+        Alphabet::disjoint(names.clone())?; // names and their number, before any geometry
+        let magnitude = [bounds.min.x, bounds.min.y, bounds.max.x, bounds.max.y]
+            .iter()
+            .fold(0.0_f64, |m, c| m.max(c.abs()));
+        // A billionth of the map, but never below what coordinates of this size can resolve.
+        let tolerance = (1e-9 * bounds.side()).max(64.0 * f64::EPSILON * magnitude);
+        let parts = cells::decompose(&bounds, &obstacles, &regions);
+        if parts.is_empty() {
+            return Err(WorkspaceError::NoFreeSpace);
+        }
+        let alphabet = Arc::new(Alphabet::new(names, parts.iter().map(|&(props, _)| props))?);
+        let mut cells = vec![Vec::new(); alphabet.len()];
+        let mut workspace = Self {
+            obstacle_index: PolygonIndex::new(obstacles.iter(), tolerance),
+            region_index: PolygonIndex::new(regions.iter().map(|r| &r.polygon), tolerance),
+            cells: Vec::new(),
+            bounds,
+            obstacles,
+            regions,
+            alphabet,
+            tolerance,
+        };
+        for (props, part) in parts {
+            if let Some(letter) = workspace.alphabet.letter(props) {
+                let inner = workspace.inner_point(letter, &part);
+                cells[letter.index()].push(Cell::new(part, inner));
+            }
+        }
+        workspace.cells = cells;
+        Ok(workspace)
+    }
+
+    /// The rectangle that the robot moves in.
+    #[must_use]
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// The obstacles, as given.
+    #[must_use]
+    pub fn obstacles(&self) -> &[Polygon] {
+        &self.obstacles
+    }
+
+    /// The regions, as given.
+    #[must_use]
+    pub fn regions(&self) -> &[Region] {
+        &self.regions
+    }
+
+    /// The region names as propositions, and the sets of them that occur together.
+    #[must_use]
+    pub fn alphabet(&self) -> &Arc<Alphabet> {
+        &self.alphabet
+    }
+
+    /// The width, in map units, to which borders are resolved.
+    #[must_use]
+    pub fn tolerance(&self) -> f64 {
+        self.tolerance
+    }
+
+    /// The connected parts of the free space that carry `letter`; never empty.
+    #[must_use]
+    pub fn cells(&self, letter: Letter) -> &[Cell] {
+        &self.cells[letter.index()]
+    }
+
+    /// The names of regions of which no part is free: obstacles cover them, or they lie beyond
+    /// the bounds. A robot can never be there.
+    #[must_use]
+    pub fn hidden_regions(&self) -> Vec<&str> {
+        let visible = |i: usize| !self.alphabet.letters_with(i).is_empty();
+        self.regions
+            .iter()
+            .enumerate()
+            .filter(|&(i, _)| !visible(i))
+            .map(|(_, r)| r.name.as_str())
+            .collect()
+    }
+
+    /// The pairs of regions, by number, that hold together somewhere.
+    #[must_use]
+    pub fn overlapping_regions(&self) -> Vec<(usize, usize)> {
+        let mut pairs: Vec<(usize, usize)> = self
+            .alphabet
+            .letters()
+            .flat_map(|letter| {
+                let props = self.alphabet.props(letter);
+                props
+                    .iter()
+                    .flat_map(move |i| props.iter().filter(move |&j| j > i).map(move |j| (i, j)))
+            })
+            .collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        pairs
+    }
+
+    /// What is at `p`.
+    #[must_use]
+    pub fn locate(&self, p: Point2<f64>) -> Place {
+        if !(p.x.is_finite() && p.y.is_finite() && self.bounds.contains(p)) {
+            return Place::Outside;
+        }
+        if let Some(obstacle) = self.obstacle_at(p) {
+            return Place::Obstacle(obstacle);
+        }
+        let mut props = Props::EMPTY;
+        let mut on_boundary = false;
+        for i in self.region_index.polygons_near(p) {
+            match self.regions[i].polygon.side_of(p, self.tolerance) {
+                Side::Inside => props = props.with(i),
+                Side::Boundary => on_boundary = true,
+                Side::Outside => {}
+            }
+        }
+        match self.alphabet.letter(props) {
+            Some(letter) => Place::Free {
+                letter,
+                on_boundary,
+            },
+            // A sliver between borders, too thin to be a cell: what it is part of does not
+            // matter, nobody can stand there.
+            None => Place::Free {
+                letter: Letter(0),
+                on_boundary: true,
+            },
+        }
+    }
+
+    /// The letter at `p`; `None` where the robot cannot be.
+    #[must_use]
+    pub fn letter_at(&self, p: Point2<f64>) -> Option<Letter> {
+        match self.locate(p) {
+            Place::Free { letter, .. } => Some(letter),
+            Place::Outside | Place::Obstacle(_) => None,
+        }
+    }
+
+    /// The lowest-numbered obstacle whose interior contains `p`.
+    fn obstacle_at(&self, p: Point2<f64>) -> Option<usize> {
+        self.obstacle_index
+            .polygons_near(p)
+            .filter(|&i| self.obstacles[i].side_of(p, self.tolerance) == Side::Inside)
+            .min()
+    }
+
+    /// A point uniform over the free space.
+    pub fn sample_free(&self, random: &mut Random) -> Point2<f64> {
+        let all = || self.cells.iter().flatten();
+        let pick = crate::random::weighted(random, all().map(Cell::area)).unwrap_or(0);
+        let (letter, cell) = self
+            .alphabet
+            .letters()
+            .flat_map(|l| self.cells(l).iter().map(move |c| (l, c)))
+            .nth(pick)
+            .unwrap_or((Letter(0), &self.cells[0][0]));
+        self.sample_cell(letter, cell, random)
+    }
+
+    /// A point uniform over the part of the free space that carries `letter`.
+    pub fn sample_letter(&self, letter: Letter, random: &mut Random) -> Point2<f64> {
+        let cells = self.cells(letter);
+        let pick = crate::random::weighted(random, cells.iter().map(Cell::area)).unwrap_or(0);
+        self.sample_cell(letter, &cells[pick], random)
+    }
+
+    fn sample_cell(&self, letter: Letter, cell: &Cell, random: &mut Random) -> Point2<f64> {
+        // Triangulation rounds: points on a border are drawn again, and a cell thinner than the
+        // rounding falls back to its inner point.
+        for _ in 0..32 {
+            let p = cell.sample(random);
+            let there = Place::Free {
+                letter,
+                on_boundary: false,
+            };
+            if self.locate(p) == there {
+                return p;
+            }
+        }
+        cell.inner_point()
+    }
+
+    /// A point of `part` that carries `letter` away from borders: its centroid where that is
+    /// inside, otherwise one that the geometry library picks.
+    fn inner_point(&self, letter: Letter, part: &geo::Polygon<f64>) -> Point2<f64> {
+        let there = Place::Free {
+            letter,
+            on_boundary: false,
+        };
+        let candidates = cells::inner_points(part);
+        let good = candidates
+            .iter()
+            .copied()
+            .find(|&p| self.locate(p) == there);
+        good.or(candidates.first().copied())
+            .unwrap_or_else(|| nalgebra::center(&self.bounds.min, &self.bounds.max))
+    }
+}
+
+fn check_bounds(bounds: &Bounds) -> Result<(), WorkspaceError> {
+    let corners = [bounds.min.x, bounds.min.y, bounds.max.x, bounds.max.y];
+    let fine = corners.iter().all(|c| c.abs() <= MAX_COORDINATE)
+        && bounds.width() > 1e-6 * bounds.side()
+        && bounds.height() > 1e-6 * bounds.side();
+    if fine {
+        return Ok(());
+    }
+    let [min_x, min_y, max_x, max_y] = corners;
+    Err(WorkspaceError::BadBounds {
+        min_x,
+        min_y,
+        max_x,
+        max_y,
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,280 @@
+use super::visibility::VisibilityGraph;
+use super::*;
+use crate::random::{generator, unit};
+
+fn p(x: f64, y: f64) -> Point2<f64> {
+    Point2::new(x, y)
+}
+
+fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Polygon {
+    Polygon::rectangle(p(x0, y0), p(x1, y1)).unwrap()
+}
+
+fn region(name: &str, polygon: Polygon) -> Region {
+    Region {
+        name: name.to_owned(),
+        polygon,
+    }
+}
+
+fn map(obstacles: Vec<Polygon>, regions: Vec<Region>) -> Workspace {
+    Workspace::new(Bounds::unit(), obstacles, regions).unwrap()
+}
+
+fn letters(map: &Workspace, a: Point2<f64>, b: Point2<f64>) -> Vec<String> {
+    let stretches = map.trace(a, b).unwrap();
+    stretches
+        .iter()
+        .map(|s| map.alphabet().show(s.letter))
+        .collect()
+}
+
+#[test]
+fn only_letters_that_occur_are_letters() {
+    let overlapping = map(
+        vec![rectangle(0.45, 0.0, 0.55, 1.0)],
+        vec![
+            region("a", rectangle(0.1, 0.1, 0.4, 0.4)),
+            region("b", rectangle(0.3, 0.3, 0.6, 0.6)),
+            region("hidden", rectangle(0.46, 0.7, 0.54, 0.8)),
+            region("outside", rectangle(1.5, 0.7, 1.6, 0.8)),
+        ],
+    );
+    let shown: Vec<String> = overlapping
+        .alphabet()
+        .letters()
+        .map(|l| overlapping.alphabet().show(l))
+        .collect();
+    assert_eq!(shown, ["{}", "{a}", "{b}", "{a,b}"]);
+    assert_eq!(overlapping.hidden_regions(), ["hidden", "outside"]);
+    assert_eq!(overlapping.overlapping_regions(), [(0, 1)]);
+    // b lies on both sides of the wall: two cells.
+    let b = overlapping.letter_at(p(0.42, 0.5)).unwrap();
+    assert_eq!(overlapping.cells(b).len(), 2);
+}
+
+#[test]
+fn traces_name_letters_of_positive_length_only() {
+    let m = map(
+        vec![],
+        vec![
+            region("a", rectangle(0.2, 0.2, 0.4, 0.4)),
+            region("b", rectangle(0.4, 0.2, 0.6, 0.4)),
+        ],
+    );
+    assert_eq!(
+        letters(&m, p(0.1, 0.3), p(0.7, 0.3)),
+        ["{}", "{a}", "{b}", "{}"]
+    );
+    // Along a border, and over a corner.
+    assert_eq!(letters(&m, p(0.1, 0.2), p(0.7, 0.2)), ["{}"]);
+    assert_eq!(letters(&m, p(0.1, 0.3), p(0.3, 0.1)), ["{}"]);
+    assert_eq!(letters(&m, p(0.3, 0.3), p(0.35, 0.35)), ["{a}"]);
+    assert!(m.step(p(0.3, 0.3), p(0.5, 0.3)), "a to b at once");
+    assert!(!m.step(p(0.1, 0.3), p(0.5, 0.3)), "over a to b");
+    assert!(m.step(p(0.1, 0.2), p(0.7, 0.2)));
+}
+
+#[test]
+fn a_concave_region_can_be_left_and_entered_again() {
+    let u = Polygon::new(vec![
+        p(0.2, 0.2),
+        p(0.8, 0.2),
+        p(0.8, 0.8),
+        p(0.6, 0.8),
+        p(0.6, 0.4),
+        p(0.4, 0.4),
+        p(0.4, 0.8),
+        p(0.2, 0.8),
+    ])
+    .unwrap();
+    let m = map(vec![], vec![region("u", u)]);
+    assert_eq!(letters(&m, p(0.3, 0.6), p(0.7, 0.6)), ["{u}", "{}", "{u}"]);
+    assert!(!m.step(p(0.3, 0.6), p(0.7, 0.6)));
+    assert!(m.step(p(0.3, 0.3), p(0.7, 0.3)));
+}
+
+#[test]
+fn obstacles_are_open_but_leave_no_gap_where_they_touch() {
+    let m = map(
+        vec![rectangle(0.2, 0.2, 0.4, 0.8), rectangle(0.4, 0.2, 0.6, 0.8)],
+        vec![],
+    );
+    assert!(
+        m.is_free_segment(p(0.2, 0.0), p(0.2, 1.0)),
+        "along the left wall"
+    );
+    assert!(
+        m.is_free_segment(p(0.0, 0.0), p(0.2, 0.2)),
+        "touching a corner"
+    );
+    assert!(
+        !m.is_free_segment(p(0.4, 0.0), p(0.4, 1.0)),
+        "between the two"
+    );
+    assert!(!m.is_free_segment(p(0.0, 0.5), p(1.0, 0.5)));
+    assert!(
+        !m.is_free_segment(p(0.0, 0.5), p(0.0, 1.5)),
+        "out of bounds"
+    );
+    assert!(!m.is_free_segment(p(0.3, 0.3), p(0.3, 0.3)), "inside");
+    assert!(matches!(
+        m.trace(p(0.0, 0.5), p(1.0, 0.5)),
+        Err(Blocked { by: Some(_), .. })
+    ));
+}
+
+#[test]
+fn samples_lie_where_they_should() {
+    let m = map(
+        vec![rectangle(0.0, 0.45, 0.9, 0.55)],
+        vec![
+            region("a", rectangle(0.1, 0.1, 0.3, 0.3)),
+            region("b", rectangle(0.2, 0.2, 0.5, 0.6)),
+        ],
+    );
+    let mut random = generator(3, 0);
+    let mut above = 0;
+    for _ in 0..4_000 {
+        let q = m.sample_free(&mut random);
+        assert!(matches!(
+            m.locate(q),
+            Place::Free {
+                on_boundary: false,
+                ..
+            }
+        ));
+        above += usize::from(q.y > 0.5);
+    }
+    assert!((1_800..2_200).contains(&above), "uniform by area: {above}");
+    for letter in m.alphabet().letters() {
+        for _ in 0..200 {
+            assert_eq!(
+                m.letter_at(m.sample_letter(letter, &mut random)),
+                Some(letter)
+            );
+        }
+        for cell in m.cells(letter) {
+            assert_eq!(m.letter_at(cell.inner_point()), Some(letter));
+        }
+    }
+}
+
+#[test]
+fn nowhere_to_be_is_an_error() {
+    let full = Workspace::new(
+        Bounds::unit(),
+        vec![rectangle(-1.0, -1.0, 2.0, 2.0)],
+        vec![],
+    );
+    assert!(matches!(full, Err(WorkspaceError::NoFreeSpace)));
+    let inverted = Bounds {
+        min: p(1.0, 0.0),
+        max: p(0.0, 1.0),
+    };
+    assert!(matches!(
+        Workspace::new(inverted, vec![], vec![]),
+        Err(WorkspaceError::BadBounds { .. })
+    ));
+}
+
+#[test]
+fn large_offsets_keep_their_precision() {
+    let bounds = Bounds {
+        min: p(1e6, -1e6),
+        max: p(1e6 + 1.0, -1e6 + 1.0),
+    };
+    let o = rectangle(1e6 + 0.3, -1e6 + 0.3, 1e6 + 0.6, -1e6 + 0.6);
+    let m = Workspace::new(bounds, vec![o], vec![]).unwrap();
+    assert!(!m.is_free_segment(p(1e6 + 0.1, -1e6 + 0.45), p(1e6 + 0.9, -1e6 + 0.45)));
+    assert!(m.is_free_segment(p(1e6 + 0.1, -1e6 + 0.3), p(1e6 + 0.9, -1e6 + 0.3)));
+}
+
+#[test]
+fn shortest_paths_bend_at_corners() {
+    let m = Arc::new(map(vec![rectangle(0.4, 0.0, 0.6, 0.8)], vec![]));
+    let graph = VisibilityGraph::new(m);
+    let paths = graph.paths_to(p(0.9, 0.1));
+    let path = paths.path(&graph, p(0.1, 0.1)).unwrap();
+    assert_eq!(path, [p(0.1, 0.1), p(0.4, 0.8), p(0.6, 0.8), p(0.9, 0.1)]);
+    let (length, first) = paths.first_leg(&graph, p(0.1, 0.1)).unwrap();
+    assert_eq!(first, p(0.4, 0.8));
+    let expected = 2.0 * (0.09_f64 + 0.49).sqrt() + 0.2;
+    assert!((length - expected).abs() < 1e-12);
+    assert_eq!(paths.first_leg(&graph, p(0.9, 0.9)).unwrap().1, p(0.9, 0.1));
+}
+
+#[test]
+fn walled_in_targets_have_no_path() {
+    let walls = vec![
+        rectangle(0.2, 0.2, 0.8, 0.3),
+        rectangle(0.2, 0.7, 0.8, 0.8),
+        rectangle(0.2, 0.2, 0.3, 0.8),
+        rectangle(0.7, 0.2, 0.8, 0.8),
+    ];
+    let graph = VisibilityGraph::new(Arc::new(map(walls, vec![])));
+    let paths = graph.paths_to(p(0.5, 0.5));
+    assert!(paths.first_leg(&graph, p(0.1, 0.1)).is_none());
+    assert!(paths.first_leg(&graph, p(0.6, 0.6)).is_some());
+}
+
+/// Traces agree with dense point sampling on random maps.
+#[test]
+fn traces_agree_with_points_on_random_maps() {
+    for seed in 0..60 {
+        let mut random = generator(seed, 0);
+        let mut some = |n: usize, name: &str| -> Vec<(String, Polygon)> {
+            (0..n)
+                .filter_map(|i| {
+                    let c = p(unit(&mut random), unit(&mut random));
+                    let corners = (0..3 + i % 5).map(|k| {
+                        let angle = std::f64::consts::TAU * (k as f64) / (3 + i % 5) as f64;
+                        let r = 0.02 + 0.2 * unit(&mut random);
+                        p(c.x + r * libm::cos(angle), c.y + r * libm::sin(angle))
+                    });
+                    Polygon::new(corners.collect())
+                        .ok()
+                        .map(|q| (format!("{name}{i}"), q))
+                })
+                .collect()
+        };
+        let obstacles = some(4, "o").into_iter().map(|(_, q)| q).collect();
+        let regions = some(5, "l")
+            .iter()
+            .map(|(n, q)| region(n, q.clone()))
+            .collect();
+        let Ok(m) = Workspace::new(Bounds::unit(), obstacles, regions) else {
+            continue;
+        };
+        for _ in 0..40 {
+            let (a, b) = (m.sample_free(&mut random), m.sample_free(&mut random));
+            let points: Vec<Point2<f64>> = (0..=2000)
+                .map(|i| a + (b - a) * (f64::from(i) / 2000.0))
+                .collect();
+            let blocked = points
+                .iter()
+                .any(|&q| matches!(m.locate(q), Place::Obstacle(_)));
+            match m.trace(a, b) {
+                Err(hit) => assert!(
+                    hit.by.is_some() && matches!(m.locate(hit.at), Place::Obstacle(_)),
+                    "seed {seed}: {hit:?}"
+                ),
+                Ok(stretches) => {
+                    assert!(!blocked, "seed {seed}: {a} to {b} runs through an obstacle");
+                    for (i, q) in points.iter().enumerate() {
+                        let t = i as f64 / 2000.0;
+                        let Place::Free {
+                            letter,
+                            on_boundary: false,
+                        } = m.locate(*q)
+                        else {
+                            continue;
+                        };
+                        let k = stretches.iter().rposition(|s| s.start <= t).unwrap();
+                        assert_eq!(stretches[k].letter, letter, "seed {seed}: at {q}");
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,326 @@
+//! What a straight segment meets: obstacles, and one letter after another.
+
+use nalgebra::{Point2, Vector2};
+use smallvec::SmallVec;
+
+use super::{Place, Polygon, Side, Workspace};
+use crate::alphabet::{Letter, Props};
+
+/// A piece of a segment along which the letter stays the same.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stretch {
+    /// Where the piece begins: 0 at the segment's first end, 1 at its last.
+    pub start: f64,
+    /// The letter along it.
+    pub letter: Letter,
+}
+
+/// Where a segment cannot be followed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Blocked {
+    /// The obstacle in the way; `None` if the segment leaves the bounds.
+    pub by: Option<usize>,
+    /// A point of the segment that is not free.
+    pub at: Point2<f64>,
+}
+
+/// A crossing or touch of the segment with a polygon's border, as (polygon, parameter in [0, 1]).
+type Events = SmallVec<[(u32, f64); 16]>;
+
+/// The segment under test: parameters 0 to 1 run from `a` to `b`.
+struct Segment {
+    a: Point2<f64>,
+    b: Point2<f64>,
+    length: f64,
+    normal: Vector2<f64>,
+}
+
+impl Segment {
+    fn new(a: Point2<f64>, b: Point2<f64>) -> Self {
+        let d = b - a;
+        let length = d.norm();
+        let normal = Vector2::new(-d.y, d.x) / length;
+        Self {
+            a,
+            b,
+            length,
+            normal,
+        }
+    }
+
+    fn at(&self, t: f64) -> Point2<f64> {
+        self.a + (self.b - self.a) * t
+    }
+
+    /// The parameters at which the edge `pq` crosses or touches the segment (within `tolerance`).
+    fn meets(&self, p: Point2<f64>, q: Point2<f64>, tolerance: f64) -> SmallVec<[f64; 3]> {
+        let mut found = SmallVec::new();
+        let (dp, dq) = (
+            self.normal.dot(&(p - self.a)),
+            self.normal.dot(&(q - self.a)),
+        );
+        if (dp > tolerance && dq > tolerance) || (dp < -tolerance && dq < -tolerance) {
+            return found;
+        }
+        let along =
+            |x: Point2<f64>| (x - self.a).dot(&(self.b - self.a)) / (self.length * self.length);
+        let slack = tolerance / self.length;
+        let mut push = |t: f64| {
+            if t >= -slack && t <= 1.0 + slack {
+                found.push(t.clamp(0.0, 1.0));
+            }
+        };
+        if dp.abs() <= tolerance {
+            push(along(p));
+        }
+        if dq.abs() <= tolerance {
+            push(along(q));
+        }
+        if (dp < 0.0) != (dq < 0.0) && dp != dq {
+            push(along(p + (q - p) * (dp / (dp - dq))));
+        }
+        found
+    }
+}
+
+impl Workspace {
+    /// Whether the closed segment `ab` stays within the bounds and out of every obstacle.
+    #[must_use]
+    pub fn is_free_segment(&self, a: Point2<f64>, b: Point2<f64>) -> bool {
+        self.ends_are_free(a, b).is_ok() && self.obstruction(a, b).is_none()
+    }
+
+    /// As [`Self::is_free_segment`], for ends that are known to be free.
+    #[must_use]
+    pub(crate) fn is_free_between(&self, a: Point2<f64>, b: Point2<f64>) -> bool {
+        self.obstruction(a, b).is_none()
+    }
+
+    /// The letters along the segment `ab`, in order, neighbours different. A letter counts where
+    /// it holds over positive length: shared borders and touched corners make none. A segment of
+    /// no length has the one letter of its point.
+    ///
+    /// # Errors
+    /// The first obstacle found in the way, or that the segment leaves the bounds.
+    pub fn trace(&self, a: Point2<f64>, b: Point2<f64>) -> Result<Vec<Stretch>, Blocked> {
+        self.ends_are_free(a, b)?;
+        if let Some(blocked) = self.obstruction(a, b) {
+            return Err(blocked);
+        }
+        let base = self.letter_at(a).unwrap_or(Letter(0));
+        Ok(self.stretches(a, b, base)?.into_vec())
+    }
+
+    /// The transition relation of the paper (`nngtl.md`, II-A): the segment `ab` meets no
+    /// obstacle and the letter changes at most once from `a` to `b`, ends included.
+    ///
+    /// ```
+    /// # use nalgebra::Point2;
+    /// # use nngtl::workspace::{Bounds, Polygon, Region, Workspace};
+    /// let strip = Polygon::rectangle(Point2::new(0.4, 0.0), Point2::new(0.6, 1.0))?;
+    /// let regions = vec![Region { name: "strip".into(), polygon: strip }];
+    /// let map = Workspace::new(Bounds::unit(), vec![], regions)?;
+    /// let (west, mid, east) = (Point2::new(0.1, 0.5), Point2::new(0.5, 0.5), Point2::new(0.9, 0.5));
+    /// assert!(map.step(west, mid) && map.step(mid, east));
+    /// assert!(!map.step(west, east)); // in and out again: two changes
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn step(&self, a: Point2<f64>, b: Point2<f64>) -> bool {
+        match (self.letter_at(a), self.letter_at(b)) {
+            (Some(from), Some(to)) => self.step_between(a, from, b, to),
+            _ => false,
+        }
+    }
+
+    /// As [`Self::step`], for ends that are known to be free and to carry these letters.
+    #[must_use]
+    pub(crate) fn step_between(
+        &self,
+        a: Point2<f64>,
+        from: Letter,
+        b: Point2<f64>,
+        to: Letter,
+    ) -> bool {
+        if self.obstruction(a, b).is_some() {
+            return false;
+        }
+        let Ok(stretches) = self.stretches(a, b, from) else {
+            return false;
+        };
+        let mut changes = 0;
+        let mut last = from;
+        for letter in stretches.iter().map(|s| s.letter).chain([to]) {
+            changes += usize::from(letter != last);
+            last = letter;
+        }
+        changes <= 1
+    }
+
+    fn ends_are_free(&self, a: Point2<f64>, b: Point2<f64>) -> Result<(), Blocked> {
+        for at in [a, b] {
+            match self.locate(at) {
+                Place::Outside => return Err(Blocked { by: None, at }),
+                Place::Obstacle(i) => return Err(Blocked { by: Some(i), at }),
+                Place::Free { .. } => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Where an obstacle is in the way between two free points. The bounds are convex, so free
+    /// ends suffice for them.
+    fn obstruction(&self, a: Point2<f64>, b: Point2<f64>) -> Option<Blocked> {
+        let segment = Segment::new(a, b);
+        if segment.length <= self.tolerance {
+            return None;
+        }
+        let events = events(
+            self.obstacle_index
+                .edges_near(a, b)
+                .map(|e| (e.polygon, e.from, e.to)),
+            &segment,
+            self.tolerance,
+        );
+        let mut blocked = None;
+        for_each_interval(&events, &segment, self.tolerance, |polygon, from, to| {
+            if blocked.is_none() {
+                blocked = self.blocked_on(&segment, polygon as usize, from, to);
+            }
+        });
+        blocked
+    }
+
+    /// Whether the piece of `segment` between two events runs inside `polygon`, or along its
+    /// border with another obstacle or the end of the map on the other side: what shares a border
+    /// leaves no gap.
+    fn blocked_on(&self, segment: &Segment, polygon: usize, from: f64, to: f64) -> Option<Blocked> {
+        let middle = segment.at((from + to) / 2.0);
+        let blocked = Some(Blocked {
+            by: Some(polygon),
+            at: middle,
+        });
+        match self.obstacles[polygon].side_of(middle, self.tolerance) {
+            Side::Inside => blocked,
+            Side::Outside => None,
+            Side::Boundary => {
+                let off = segment.normal * (8.0 * self.tolerance);
+                let solid = |p| !self.bounds.contains(p) || self.obstacle_at(p).is_some();
+                (solid(middle + off) && solid(middle - off))
+                    .then_some(blocked)
+                    .flatten()
+            }
+        }
+    }
+
+    /// The letters along a free segment whose first end carries `from`.
+    fn stretches(
+        &self,
+        a: Point2<f64>,
+        b: Point2<f64>,
+        from: Letter,
+    ) -> Result<SmallVec<[Stretch; 4]>, Blocked> {
+        let segment = Segment::new(a, b);
+        let mut found = SmallVec::new();
+        let first = Stretch {
+            start: 0.0,
+            letter: from,
+        };
+        if segment.length <= self.tolerance {
+            found.push(first);
+            return Ok(found);
+        }
+        let events = events(
+            self.region_index
+                .edges_near(a, b)
+                .map(|e| (e.polygon, e.from, e.to)),
+            &segment,
+            self.tolerance,
+        );
+        if events.is_empty() {
+            found.push(first);
+            return Ok(found);
+        }
+        // Regions whose border is not met contain all of the segment or nothing of it.
+        let mut base = self.alphabet.props(from);
+        let mut inside: SmallVec<[(usize, f64, f64); 8]> = SmallVec::new();
+        let mut cuts: SmallVec<[f64; 16]> = SmallVec::from_slice(&[0.0, 1.0]);
+        for &(polygon, _) in &events {
+            base.0 &= !(1 << polygon);
+        }
+        for_each_interval(&events, &segment, self.tolerance, |polygon, from, to| {
+            let polygon = polygon as usize;
+            let middle = segment.at((from + to) / 2.0);
+            let shape: &Polygon = &self.regions[polygon].polygon;
+            if shape.side_of(middle, self.tolerance) == Side::Inside {
+                inside.push((polygon, from, to));
+                cuts.extend([from, to]);
+            }
+        });
+        cuts.sort_by(f64::total_cmp);
+        for pair in cuts.windows(2) {
+            // Borders that coincide up to rounding leave slivers between their events.
+            if (pair[1] - pair[0]) * segment.length <= 4.0 * self.tolerance {
+                continue;
+            }
+            let middle = (pair[0] + pair[1]) / 2.0;
+            let props = inside
+                .iter()
+                .filter(|&&(_, from, to)| from < middle && middle < to)
+                .fold(base, |props: Props, &(i, ..)| props.with(i));
+            let letter = self.alphabet.letter(props).ok_or(Blocked {
+                by: None,
+                at: segment.at(middle),
+            })?;
+            if found.last().is_none_or(|s: &Stretch| s.letter != letter) {
+                found.push(Stretch {
+                    start: pair[0],
+                    letter,
+                });
+            }
+        }
+        if found.is_empty() {
+            found.push(first);
+        }
+        Ok(found)
+    }
+}
+
+/// All meetings of the segment with the given edges, sorted by polygon and parameter.
+fn events(
+    edges: impl Iterator<Item = (u32, Point2<f64>, Point2<f64>)>,
+    segment: &Segment,
+    tolerance: f64,
+) -> Events {
+    let mut events = Events::new();
+    for (polygon, p, q) in edges {
+        events.extend(
+            segment
+                .meets(p, q, tolerance)
+                .into_iter()
+                .map(|t| (polygon, t)),
+        );
+    }
+    events.sort_by(|x, y| x.0.cmp(&y.0).then(x.1.total_cmp(&y.1)));
+    events
+}
+
+/// Calls `visit(polygon, from, to)` for each piece of the segment between neighbouring events of
+/// one polygon (ends of the segment included) that is longer than the tolerance.
+fn for_each_interval(
+    events: &Events,
+    segment: &Segment,
+    tolerance: f64,
+    mut visit: impl FnMut(u32, f64, f64),
+) {
+    for group in events.chunk_by(|x, y| x.0 == y.0) {
+        let polygon = group[0].0;
+        let mut from = 0.0;
+        for to in group.iter().map(|&(_, t)| t).chain([1.0]) {
+            if (to - from) * segment.length > 2.0 * tolerance {
+                visit(polygon, from, to);
+                from = to;
+            }
+        }
+    }
+}

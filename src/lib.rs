@@ -6,4 +6,5 @@ pub mod guidance;
 pub mod ltl;
 pub mod plan;
 pub mod random;
+pub mod render;
 pub mod workspace;

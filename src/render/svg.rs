@@ -9,7 +9,7 @@ use super::colour::{self, FAINT, HATCH, INK, OBSTACLE, PREFIX, Rgb, SUFFIX, hex}
 use super::labels::{Board, Px, Rect, text_width};
 use super::legend::{self, Sign};
 use super::raster;
-use crate::alphabet::{Letter, Props};
+use crate::alphabet::Letter;
 use crate::plan::{Path, Waypoint, length};
 use crate::workspace::Polygon;
 
@@ -508,11 +508,15 @@ impl Canvas<'_, '_> {
         let suffix = path.suffix[1.min(closing)..closing]
             .iter()
             .map(|w| (w, SUFFIX));
-        let mut before = Props::EMPTY;
+        // Where the robot starts is no visit, even if it starts in a region.
+        let props_at = |at: Point2<f64>| {
+            let letter = self.picture.workspace.letter_at(at).unwrap_or(Letter(0));
+            self.picture.workspace.alphabet().props(letter)
+        };
+        let mut before = props_at(path.prefix[0].at);
         let mut badges = Vec::new();
         for (w, colour) in prefix.chain(suffix) {
-            let letter = self.picture.workspace.letter_at(w.at).unwrap_or(Letter(0));
-            let props = self.picture.workspace.alphabet().props(letter);
+            let props = props_at(w.at);
             if props.0 & !before.0 != 0 {
                 badges.push((self.scale.px(w.at), colour));
             }
@@ -542,7 +546,7 @@ impl Canvas<'_, '_> {
             hex(INK)
         ));
         board.boxes.push(Rect::centred([x, y], 18.0, 18.0));
-        self.label(board, [x, y], 11.0, "start", INK);
+        self.label(board, [x, y], 14.0, "start", INK);
     }
 
     /// A short text beside a marker.

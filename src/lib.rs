@@ -5,6 +5,8 @@ pub mod automaton;
 pub mod guidance;
 pub mod ltl;
 pub mod plan;
+pub mod planner;
 pub mod random;
 pub mod render;
+pub mod system;
 pub mod workspace;

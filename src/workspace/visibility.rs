@@ -34,12 +34,15 @@ impl Corner {
     }
 }
 
+/// The corners that a corner sees, with their distances.
+type Links = Box<[(u32, f64)]>;
+
 /// Which convex obstacle corners of a map see each other.
 #[derive(Debug)]
 pub struct VisibilityGraph {
     map: Arc<Workspace>,
     corners: Vec<Corner>,
-    neighbours: Vec<OnceLock<Box<[(u32, f64)]>>>,
+    neighbours: Vec<OnceLock<Links>>,
 }
 
 /// Shortest paths from everywhere to one target.

@@ -1,0 +1,205 @@
+//! TL-RRT*: random trees over the product of a transition system and an automaton
+//! (`nngtl.md`, III; X. Luo, Y. Kantaros, M. M. Zavlanos, "An abstraction-free method for
+//! multirobot temporal logic optimal control synthesis").
+//!
+//! [`plan`] grows a prefix tree from the start and suffix trees from the goals it finds, and keeps
+//! improving until its budget ends. It asks a [`Sampler`] where to look and knows neither networks
+//! nor devices.
+
+mod sampler;
+mod search;
+mod settings;
+mod suffix;
+mod tree;
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::alphabet::{Letter, LetterSet};
+use crate::automaton::Task;
+use crate::plan::{Cost, Path};
+use crate::system::{Spot, TransitionSystem};
+
+pub use sampler::{GuidanceError, Guide, HeatmapSums, Sampler};
+pub use search::plan;
+pub use settings::{Settings, SettingsError, Stop};
+pub use tree::{NodeId, SiteId, Tree};
+
+/// A mission ready for search.
+#[derive(Clone)]
+pub struct Problem {
+    /// The world.
+    pub system: Arc<dyn TransitionSystem>,
+    /// The automaton and what samplers ask of it.
+    pub task: Arc<Task>,
+    /// Where the robot starts.
+    pub start: Spot,
+    /// λ in `[0, 1]`: the weight of the prefix in the cost (`nngtl.md`, II-C).
+    pub weight: f64,
+}
+
+impl std::fmt::Debug for Problem {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Problem")
+            .field("states", &self.task.nba.len())
+            .field("start", &self.start)
+            .field("weight", &self.weight)
+            .finish_non_exhaustive()
+    }
+}
+
+/// When something was first found.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct First {
+    /// Sampler calls until then, over all trees.
+    pub iterations: u64,
+    /// Product states in all trees at that moment.
+    pub nodes: u64,
+    /// Seconds since the search began.
+    pub seconds: f64,
+    /// Of a prefix its length, of a plan its total cost, in map units.
+    pub cost: f64,
+}
+
+/// A cheaper plan was found.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Improvement {
+    /// Sampler calls until then.
+    pub iterations: u64,
+    /// Seconds since the search began.
+    pub seconds: f64,
+    /// Total cost of the plan.
+    pub cost: f64,
+}
+
+/// What a search did, whether or not it found a plan.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Stats {
+    /// Sampler calls, over prefix and suffix trees together; failed samples count.
+    pub iterations: u64,
+    /// Samples that failed: no progress possible from the drawn node, nothing connects, or only
+    /// obstacles were drawn.
+    pub failed_samples: u64,
+    /// Product states in all trees.
+    pub nodes: u64,
+    /// Places in all trees.
+    pub sites: u64,
+    /// Accepting product states in the prefix tree.
+    pub goals: u64,
+    /// Suffix trees that were grown.
+    pub suffix_trees: u64,
+    /// Seconds.
+    pub seconds: f64,
+    /// The first prefix (a path to an accepting state): what Table I of the paper counts.
+    pub first_prefix: Option<First>,
+    /// The first plan (prefix and suffix).
+    pub first_plan: Option<First>,
+    /// Each cheaper plan, in order.
+    pub improvements: Vec<Improvement>,
+}
+
+/// A plan found by search.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    /// The prefix-suffix path.
+    pub path: Path,
+    /// Its cost.
+    pub cost: Cost,
+    /// What the search did.
+    pub stats: Stats,
+    /// The edges of all trees, for pictures.
+    pub edges: Vec<[nalgebra::Point2<f64>; 2]>,
+}
+
+/// The budget ended without a plan.
+#[derive(Clone, Debug)]
+pub struct NotFound {
+    /// What the search did.
+    pub stats: Stats,
+    /// The least number of automaton steps that were left to an accepting state.
+    pub steps_left: u32,
+    /// The letters that would have brought it one step further, from the states it reached.
+    pub missing: LetterSet,
+    /// Why the search ended.
+    pub reason: EndReason,
+    /// The edges of all trees, for pictures.
+    pub edges: Vec<[nalgebra::Point2<f64>; 2]>,
+}
+
+/// Why a search ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EndReason {
+    /// The first plan was found and that was all that was asked.
+    First,
+    /// The iterations are used up.
+    Iterations,
+    /// The time is used up.
+    Time,
+    /// [`Stop`] was raised.
+    Stopped,
+}
+
+/// Why a search could not begin or found nothing.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// A setting is out of range.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// λ is not in `[0, 1]`.
+    #[error("the weight is {0}: expected a number in [0, 1]")]
+    Weight(f64),
+    /// The automaton speaks of other letters than the map.
+    #[error(
+        "the automaton was made for other letters than this map's: translate the formula for this map"
+    )]
+    Alphabet,
+    /// The mission cannot be fulfilled from this start.
+    #[error("no plan exists: {0}")]
+    Unreachable(String),
+    /// The budget ended first.
+    #[error("no plan found")]
+    NotFound(Box<NotFound>),
+}
+
+/// How far a running search is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Sampler calls so far.
+    pub iterations: u64,
+    /// Product states so far.
+    pub nodes: u64,
+    /// The cost of the best plan so far.
+    pub cost: Option<f64>,
+}
+
+/// For each letter and automaton state: whether a robot that stays where it sees the letter
+/// keeps the automaton accepting for ever (a trivial suffix, `semantics`: staying).
+pub(crate) fn staying_accepts(task: &Task) -> Vec<Vec<bool>> {
+    let nba = &task.nba;
+    let accepts = |letter: Letter, state| {
+        let mut seen = vec![false; nba.len()];
+        let mut open = vec![state];
+        while let Some(q) = open.pop() {
+            for next in nba.successors(q, letter) {
+                if next == state {
+                    return true;
+                }
+                if !std::mem::replace(&mut seen[next.index()], true) {
+                    open.push(next);
+                }
+            }
+        }
+        false
+    };
+    let row = |letter| {
+        nba.states()
+            .map(|q| nba.is_accepting(q) && accepts(letter, q))
+            .collect()
+    };
+    nba.alphabet.letters().map(row).collect()
+}
+
+#[cfg(test)]
+mod tests;

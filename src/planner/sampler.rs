@@ -1,0 +1,135 @@
+//! Where to look next: the strategies that propose points for a tree to grow to.
+
+mod biased;
+mod choices;
+mod guided;
+
+use std::sync::Arc;
+
+use nalgebra::Point2;
+
+use super::settings::Settings;
+use super::tree::{NodeId, Tree};
+use crate::automaton::{Distances, StateId, Task};
+use crate::guidance::Guidance;
+use crate::random::Random;
+use crate::system::TransitionSystem;
+
+pub use guided::{GuidanceError, HeatmapSums};
+
+/// Which strategy proposes points.
+#[derive(Clone, Debug)]
+pub enum Sampler {
+    /// Uniform over the free space (`nngtl.md`, III-B).
+    Uniform,
+    /// Towards what the automaton needs next (S-1 to S-6).
+    Biased,
+    /// As the networks predict (C-1, C-2).
+    Guided(Arc<Guide>),
+}
+
+/// Predictions prepared for fast drawing.
+#[derive(Clone, Debug)]
+pub struct Guide {
+    sums: HeatmapSums,
+    states: Vec<f64>,
+}
+
+impl Guide {
+    /// Prepares predictions for an automaton of `states` states.
+    ///
+    /// # Errors
+    /// Predictions of the wrong size, or values that are not finite.
+    pub fn new(guidance: &Guidance, states: usize) -> Result<Self, GuidanceError> {
+        if guidance.states.len() != states {
+            return Err(GuidanceError::States {
+                expected: states,
+                found: guidance.states.len(),
+            });
+        }
+        // 16 bits: what differs between devices in the last bits must not change a plan.
+        let quantise = |p: &f32| f64::from((p.clamp(0.0, 1.0) * 65_535.0).round()) / 65_535.0;
+        Ok(Self {
+            sums: HeatmapSums::new(&guidance.heatmap)?,
+            states: guidance.states.iter().map(quantise).collect(),
+        })
+    }
+}
+
+impl Sampler {
+    /// The strategy's name, as on the command line.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::Biased => "biased",
+            Self::Guided(_) => "guided",
+        }
+    }
+
+    /// Proposes a point; `None` is a failed sample, which counts as an iteration.
+    pub(super) fn draw(&self, view: &View<'_>, random: &mut Random) -> Option<Draw> {
+        match self {
+            Self::Uniform => Some(uniform(view, random)),
+            Self::Biased => biased::draw(view, random),
+            Self::Guided(guide) => guided::draw(guide, view, random),
+        }
+    }
+}
+
+/// A proposed point, and the node that it was proposed from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Draw {
+    pub(super) at: Point2<f64>,
+    pub(super) closest: Option<NodeId>,
+}
+
+/// What a sampler may know of the search.
+pub(super) struct View<'a> {
+    pub(super) system: &'a dyn TransitionSystem,
+    pub(super) task: &'a Task,
+    pub(super) settings: &'a Settings,
+    pub(super) tree: &'a Tree<'a>,
+    pub(super) aim: Aim,
+}
+
+/// What the tree is grown for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Aim {
+    /// Reach accepting states; once some are known, improve the ways there.
+    Prefix {
+        /// Whether any goal is known.
+        reached: bool,
+    },
+    /// Return to the root in this state.
+    Suffix {
+        /// The root's automaton state.
+        state: StateId,
+        /// Whether any way back is known.
+        closed: bool,
+    },
+}
+
+impl View<'_> {
+    /// ρ from a node to the state `goal`. In a suffix the root itself still has the whole cycle
+    /// to go.
+    fn to_go(&self, node: NodeId, goal: StateId) -> u32 {
+        self.state_to_go(self.tree.state(node), goal, self.tree.is_at_root(node))
+    }
+
+    fn state_to_go(&self, state: StateId, goal: StateId, at_root: bool) -> u32 {
+        let rho: &Distances = &self.task.distances;
+        match self.aim {
+            Aim::Suffix { .. } if at_root => rho.get(state, goal),
+            _ => rho.to_go(state, goal),
+        }
+    }
+}
+
+/// A uniform point, with the nearest node's site as an additional neighbour left to the tree.
+fn uniform(view: &View<'_>, random: &mut Random) -> Draw {
+    Draw {
+        at: view.system.sample_free(random),
+        closest: None,
+    }
+}

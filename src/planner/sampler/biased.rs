@@ -1,0 +1,41 @@
+//! Biased sampling: S-1 to S-6 of `nngtl.md`, III-B, with the distributions of TL-RRT*.
+
+use super::choices::{Preference, destination, settle};
+use super::{Draw, View, uniform};
+use crate::random::{Random, chance, normal};
+
+/// Draws a point towards what the automaton needs next.
+pub(super) fn draw(view: &View<'_>, random: &mut Random) -> Option<Draw> {
+    let chosen = destination(view, Preference { predicted: None }, random)?;
+    let Some(target) = chosen.target else {
+        return Some(uniform(view, random));
+    };
+    let closest = Some(chosen.closest);
+    if !chance(random, view.settings.y_rand) {
+        return Some(Draw {
+            closest,
+            ..uniform(view, random)
+        });
+    }
+    // S-5: the second point of the shortest path within the free space.
+    let from = view.tree.spot(chosen.closest).at;
+    let heading = view.system.first_leg(from, target.at, target.fixed)? - from;
+    let length = heading.norm();
+    if length <= 0.0 {
+        return Some(uniform(view, random));
+    }
+    // S-6: a normal distribution over distance and angle around that direction.
+    let direction = heading / length;
+    let side = view.system.bounds().side();
+    let at = settle(view, random, |random| {
+        let distance = (normal(random) * view.settings.distance_deviation * side).abs();
+        let angle = normal(random) * view.settings.angle_deviation;
+        let (sin, cos) = (libm::sin(angle), libm::cos(angle));
+        let turned = nalgebra::Vector2::new(
+            direction.x * cos - direction.y * sin,
+            direction.x * sin + direction.y * cos,
+        );
+        from + turned * distance
+    })?;
+    Some(Draw { at, closest })
+}

@@ -1,0 +1,288 @@
+//! The choices that biased and guided sampling share: S-1 to S-4 of `nngtl.md`, III-B.
+//!
+//! Guided sampling makes the same choices, except that with probability α each is drawn in
+//! proportion to the predicted state probabilities (C-1), among the candidates that keep S-3's
+//! order.
+
+use nalgebra::Point2;
+use rand::RngExt;
+use smallvec::SmallVec;
+
+use super::{Aim, View};
+use crate::alphabet::Letter;
+use crate::automaton::{Distances, StateId};
+use crate::planner::tree::NodeId;
+use crate::random::{Random, chance, choose, unit, weighted};
+
+/// How a choice among automaton states is made.
+#[derive(Clone, Copy)]
+pub(super) struct Preference<'a> {
+    /// Predicted probabilities per automaton state, and with which probability to follow them.
+    pub(super) predicted: Option<(&'a [f64], f64)>,
+}
+
+impl Preference<'_> {
+    /// Draws one of `states`: by prediction with probability α, otherwise uniformly.
+    fn pick(&self, random: &mut Random, states: &[StateId]) -> Option<StateId> {
+        if let Some((p, alpha)) = self.predicted
+            && chance(random, alpha)
+        {
+            let weights = states.iter().map(|q| p[q.index()]);
+            return weighted(random, weights).map(|i| states[i]);
+        }
+        choose(random, states).copied()
+    }
+}
+
+/// Where to go, and from which node.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Destination {
+    /// The node to extend from (q_P^closest).
+    pub(super) closest: NodeId,
+    /// The point to head for (x^ℒ); `None` if the next step has no destination.
+    pub(super) target: Option<Target>,
+}
+
+/// A point to head for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Target {
+    pub(super) at: Point2<f64>,
+    /// Whether it is one of few fixed points, so that paths to it are worth keeping.
+    pub(super) fixed: bool,
+}
+
+/// S-1 to S-4. `None`: the chosen node cannot make progress, a failed sample.
+pub(super) fn destination(
+    view: &View<'_>,
+    preference: Preference<'_>,
+    random: &mut Random,
+) -> Option<Destination> {
+    let goal = accepting_state(view, preference, random)?;
+    let closest = closest_node(view, goal, preference, random)?;
+    let spot = view.tree.spot(closest);
+    let state = view.tree.state(closest);
+    let at_root = view.tree.is_at_root(closest);
+    let root = Target {
+        at: view.tree.root().at,
+        fixed: true,
+    };
+    let suffix = matches!(view.aim, Aim::Suffix { .. });
+    if suffix && state == goal && !at_root {
+        // The automaton's cycle is done: what is left is the way back.
+        let target = Some(root);
+        return Some(Destination { closest, target });
+    }
+    let first = first_successor(view, state, spot.letter, goal, preference, random)?;
+    if first == goal {
+        // Any move from here completes the automaton's part.
+        let target = suffix.then_some(root);
+        return Some(Destination { closest, target });
+    }
+    let second = second_successor(view, first, goal, preference, random)?;
+    let target = target_of_edge(view, first, second, spot.letter, random);
+    Some(Destination { closest, target })
+}
+
+/// S-1: a feasible accepting state. In a suffix it is the root's.
+fn accepting_state(
+    view: &View<'_>,
+    preference: Preference<'_>,
+    random: &mut Random,
+) -> Option<StateId> {
+    match view.aim {
+        Aim::Suffix { state, .. } => Some(state),
+        Aim::Prefix { .. } => preference.pick(random, &view.task.feasible),
+    }
+}
+
+/// S-2: a node of the tree; with probability `p_closest` one of those that ρ puts closest to the
+/// goal (D_min), otherwise one of the others.
+///
+/// Goals are left out: a prefix has nothing to gain beyond them. Once a plan is known, the level
+/// that is taken for "closest" is drawn uniformly among those in the tree, so that the search for
+/// cheaper ways does not stay at the last step (ours; the papers stop there).
+fn closest_node(
+    view: &View<'_>,
+    goal: StateId,
+    preference: Preference<'_>,
+    random: &mut Random,
+) -> Option<NodeId> {
+    let mut levels: SmallVec<[(u32, StateId); 32]> = SmallVec::new();
+    for state in view.task.nba.states() {
+        let Some(&sample) = view.tree.in_state(state).last() else {
+            continue;
+        };
+        let distance = view.to_go(sample, goal);
+        let prefix_goal = distance == 0 && matches!(view.aim, Aim::Prefix { .. });
+        if distance != Distances::INFINITE && !prefix_goal {
+            levels.push((distance, state));
+        }
+    }
+    let improving = matches!(
+        view.aim,
+        Aim::Prefix { reached: true } | Aim::Suffix { closed: true, .. }
+    );
+    let level = if improving {
+        choose(random, &levels)?.0
+    } else {
+        levels.iter().map(|l| l.0).min()?
+    };
+    let states = |closest: bool| -> SmallVec<[StateId; 32]> {
+        let wanted = levels.iter().filter(|l| (l.0 == level) == closest);
+        wanted.map(|l| l.1).collect()
+    };
+    let mut candidates = states(chance(random, view.settings.p_closest));
+    if candidates.is_empty() {
+        candidates = states(true);
+    }
+    draw_node(view, &candidates, preference, random)
+}
+
+/// A node in one of `states`: uniform over nodes, or weighted by the prediction of their state.
+fn draw_node(
+    view: &View<'_>,
+    states: &[StateId],
+    preference: Preference<'_>,
+    random: &mut Random,
+) -> Option<NodeId> {
+    let count = |q: &StateId| view.tree.in_state(*q).len();
+    let predicted = preference
+        .predicted
+        .filter(|&(_, alpha)| chance(random, alpha));
+    let state = match predicted {
+        Some((p, _)) => {
+            let weights = states.iter().map(|q| p[q.index()] * count(q) as f64);
+            states[weighted(random, weights)?]
+        }
+        None => states[weighted(random, states.iter().map(|q| count(q) as f64))?],
+    };
+    choose(random, view.tree.in_state(state)).copied()
+}
+
+/// S-3, first half: a state that reading the letter of the closest node leads to, no further from
+/// the goal than it was; among those the nearest.
+fn first_successor(
+    view: &View<'_>,
+    state: StateId,
+    letter: Letter,
+    goal: StateId,
+    preference: Preference<'_>,
+    random: &mut Random,
+) -> Option<StateId> {
+    let rho = &view.task.distances;
+    // The suffix's root is in the goal state and has the whole cycle to go; staying in the
+    // goal state there is no progress.
+    let leaving = matches!(view.aim, Aim::Suffix { .. }) && state == goal;
+    let before = if leaving {
+        rho.get(goal, goal)
+    } else {
+        rho.to_go(state, goal)
+    };
+    let to_go = |q: StateId| {
+        if leaving {
+            rho.get(q, goal)
+        } else {
+            rho.to_go(q, goal)
+        }
+    };
+    let allowed: SmallVec<[StateId; 16]> = view
+        .task
+        .nba
+        .successors(state, letter)
+        .filter(|&q| to_go(q) <= before)
+        .collect();
+    if let Some((p, alpha)) = preference.predicted
+        && chance(random, alpha)
+    {
+        let weights = allowed.iter().map(|q| p[q.index()]);
+        return weighted(random, weights).map(|i| allowed[i]);
+    }
+    let least = allowed.iter().map(|&q| to_go(q)).min()?;
+    let nearest: SmallVec<[StateId; 16]> =
+        allowed.into_iter().filter(|&q| to_go(q) == least).collect();
+    choose(random, &nearest).copied()
+}
+
+/// S-3, second half: a state after `first`, strictly closer to the goal.
+fn second_successor(
+    view: &View<'_>,
+    first: StateId,
+    goal: StateId,
+    preference: Preference<'_>,
+    random: &mut Random,
+) -> Option<StateId> {
+    let rho = &view.task.distances;
+    let before = rho.get(first, goal);
+    let closer: SmallVec<[StateId; 16]> = view
+        .task
+        .nba
+        .outgoing(first)
+        .iter()
+        .map(|t| t.target)
+        .filter(|&q| rho.to_go(q, goal) < before)
+        .collect();
+    preference.pick(random, &closer)
+}
+
+/// S-4: a point whose letter lets the automaton step from `first` to `second`. One letter is
+/// drawn among those that the guard admits and the closest node does not have; one without
+/// region means anywhere outside regions. `None`: the step has no destination.
+fn target_of_edge(
+    view: &View<'_>,
+    first: StateId,
+    second: StateId,
+    here: Letter,
+    random: &mut Random,
+) -> Option<Target> {
+    let guard = view.task.nba.guard(first, second)?;
+    let free = |letter: Letter| view.system.alphabet().props(letter).is_empty();
+    let letters: SmallVec<[Letter; 32]> = guard
+        .iter()
+        .filter(|&l| l != here && !view.system.landmarks(l).is_empty())
+        .collect();
+    if guard.contains(here) {
+        return None;
+    }
+    let &letter = choose(random, &letters)?;
+    if free(letter) {
+        return Some(Target {
+            at: view.system.sample_letter(letter, random),
+            fixed: false,
+        });
+    }
+    let landmarks = view.system.landmarks(letter);
+    let pick = weighted(random, landmarks.iter().map(|l| l.area))?;
+    Some(Target {
+        at: landmarks[pick].at,
+        fixed: true,
+    })
+}
+
+/// Draws points until one is not in an obstacle. Redraws do not count as iterations; after too
+/// many the sample has failed.
+pub(super) fn settle(
+    view: &View<'_>,
+    random: &mut Random,
+    mut propose: impl FnMut(&mut Random) -> Point2<f64>,
+) -> Option<Point2<f64>> {
+    for _ in 0..64 {
+        let at = view.system.bounds().clip(propose(random));
+        if let Some(spot) = view.system.settle(at) {
+            return Some(spot.at);
+        }
+    }
+    None
+}
+
+/// A uniform index below `n`, by the crate's generator.
+pub(super) fn below(random: &mut Random, n: u64) -> u64 {
+    random.random_range(0..n)
+}
+
+/// A point uniform over the cell between two corners.
+pub(super) fn in_box(random: &mut Random, min: Point2<f64>, max: Point2<f64>) -> Point2<f64> {
+    Point2::new(
+        min.x + unit(random) * (max.x - min.x),
+        min.y + unit(random) * (max.y - min.y),
+    )
+}

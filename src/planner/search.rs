@@ -1,0 +1,446 @@
+//! The search: which tree grows next, what counts as a plan, when to end.
+
+use std::collections::HashMap;
+use std::time::Instant;
+
+use super::sampler::{Aim, Draw, Sampler, View};
+use super::settings::{Settings, Stop};
+use super::suffix::SuffixTree;
+use super::tree::{NodeId, Tree};
+use super::{
+    EndReason, First, Improvement, NotFound, PlanError, Problem, Progress, Solution, Stats,
+    staying_accepts,
+};
+use crate::automaton::Distances;
+use crate::plan::{Cost, Path, Waypoint};
+use crate::random::{Random, generator};
+
+/// Iterations between two looks at the clock, the stop flag and the observer.
+const HEARTBEAT: u64 = 32;
+
+/// Another suffix tree is opened once the open ones have had this many iterations each, times
+/// their number: none of them can block the others, and few are grown deep.
+const SUFFIX_QUANTUM: u64 = 40;
+
+/// Searches for a plan of least cost (`nngtl.md`, Problem 1).
+///
+/// `observe` is called every few iterations. The result depends on problem, sampler and settings
+/// alone, except where a time limit or the stop flag ends the search.
+///
+/// # Errors
+/// Settings out of range, a task for another map, or no plan within the budget.
+pub fn plan(
+    problem: &Problem,
+    sampler: &Sampler,
+    settings: &Settings,
+    stop: &Stop,
+    observe: &mut dyn FnMut(Progress),
+) -> Result<Solution, PlanError> {
+    settings.validate()?;
+    if !(0.0..=1.0).contains(&problem.weight) {
+        return Err(PlanError::Weight(problem.weight));
+    }
+    if *problem.task.nba.alphabet != **problem.system.alphabet() {
+        return Err(PlanError::Alphabet);
+    }
+    let mut search = Search::new(problem, sampler, settings);
+    let reason = search.run(stop, observe);
+    search.finish(reason)
+}
+
+/// The best plan so far.
+struct Best {
+    goal: NodeId,
+    suffix: Vec<Waypoint>,
+    suffix_length: f64,
+    total: f64,
+}
+
+/// Which tree an iteration goes to.
+#[derive(Clone, Copy)]
+enum Turn {
+    Prefix,
+    Suffix(usize),
+}
+
+struct Search<'a> {
+    problem: &'a Problem,
+    sampler: &'a Sampler,
+    settings: &'a Settings,
+    random: Random,
+    began: Instant,
+    prefix: Tree<'a>,
+    /// By letter and automaton state: whether staying is a suffix.
+    staying: Vec<Vec<bool>>,
+    /// Goals at which staying is not enough, in the order they were found.
+    open_goals: Vec<NodeId>,
+    suffixes: Vec<SuffixTree<'a>>,
+    suffix_of: HashMap<NodeId, usize>,
+    suffix_iterations: u64,
+    turn: u64,
+    /// For each node of the prefix tree, whether it is known as a goal.
+    known: Vec<bool>,
+    best: Option<Best>,
+    stats: Stats,
+    touched: Vec<NodeId>,
+}
+
+impl<'a> Search<'a> {
+    fn new(problem: &'a Problem, sampler: &'a Sampler, settings: &'a Settings) -> Self {
+        let nba = &problem.task.nba;
+        let prefix = Tree::new(&*problem.system, nba, problem.start, &nba.initial);
+        Self {
+            problem,
+            sampler,
+            settings,
+            random: generator(settings.seed, 0),
+            began: Instant::now(),
+            prefix,
+            staying: staying_accepts(&problem.task),
+            open_goals: Vec::new(),
+            suffixes: Vec::new(),
+            suffix_of: HashMap::new(),
+            suffix_iterations: 0,
+            turn: 0,
+            known: Vec::new(),
+            best: None,
+            stats: Stats::default(),
+            touched: Vec::new(),
+        }
+    }
+
+    fn run(&mut self, stop: &Stop, observe: &mut dyn FnMut(Progress)) -> EndReason {
+        let budget = self.settings.time_budget();
+        self.look_at_prefix(); // the start may be a goal already
+        loop {
+            if self.settings.first && self.best.is_some() {
+                return EndReason::First;
+            }
+            if self.stats.iterations >= self.settings.iterations {
+                return EndReason::Iterations;
+            }
+            if self.stats.iterations.is_multiple_of(HEARTBEAT) {
+                observe(Progress {
+                    iterations: self.stats.iterations,
+                    nodes: self.node_count(),
+                    cost: self.best.as_ref().map(|b| b.total),
+                });
+                if stop.is_raised() {
+                    return EndReason::Stopped;
+                }
+                if budget.is_some_and(|b| self.began.elapsed() >= b) {
+                    return EndReason::Time;
+                }
+            }
+            self.stats.iterations += 1;
+            match self.choose_turn() {
+                Turn::Prefix => self.grow_prefix(),
+                Turn::Suffix(i) => self.grow_suffix(i),
+            }
+        }
+    }
+
+    /// Without a goal the prefix tree grows. With goals but no plan, three of four iterations
+    /// look for ways back from the cheapest goals, in turn. With a plan, every second iteration goes to
+    /// the prefix, the others to suffix trees that can still lead to a cheaper plan.
+    fn choose_turn(&mut self) -> Turn {
+        if self.open_goals.is_empty() {
+            return Turn::Prefix;
+        }
+        self.turn += 1;
+        let prefix_turn = match self.best {
+            None => self.turn.is_multiple_of(4),
+            Some(_) => self.turn.is_multiple_of(2),
+        };
+        if prefix_turn {
+            return Turn::Prefix;
+        }
+        self.choose_suffix().map_or(Turn::Prefix, Turn::Suffix)
+    }
+
+    fn choose_suffix(&mut self) -> Option<usize> {
+        let trees = self.suffixes.len() as u64;
+        if self.suffix_iterations >= SUFFIX_QUANTUM * trees * trees
+            && let Some(goal) = self.most_promising_goal()
+        {
+            self.open_suffix(goal);
+            return Some(self.suffixes.len() - 1);
+        }
+        // The tree of the best plan gets every second turn, the others share the rest.
+        let best = self.best.as_ref().and_then(|b| self.suffix_of.get(&b.goal));
+        if let Some(&i) = best
+            && self.turn % 4 == 1
+        {
+            return Some(i);
+        }
+        let promising = |s: &SuffixTree<'_>| self.can_improve(self.prefix.cost(s.goal));
+        (0..self.suffixes.len())
+            .filter(|&i| promising(&self.suffixes[i]))
+            .min_by_key(|&i| self.suffixes[i].iterations)
+    }
+
+    /// The goal without a suffix tree whose plan could be cheapest, if any could be better than
+    /// the best plan.
+    fn most_promising_goal(&self) -> Option<NodeId> {
+        let cost = |g: &NodeId| self.prefix.cost(*g) + self.detour(*g);
+        let unopened = |g: &&NodeId| !self.suffix_of.contains_key(*g);
+        self.open_goals
+            .iter()
+            .filter(unopened)
+            .filter(|&&g| self.can_improve(self.prefix.cost(g)))
+            .min_by(|a, b| cost(a).total_cmp(&cost(b)).then(a.cmp(b)))
+            .copied()
+    }
+
+    /// By how much the best suffix would get longer (or, negative, shorter) if it passed the given
+    /// goal instead of its own, weighted against the prefix. 0 while there is no suffix.
+    fn detour(&self, goal: NodeId) -> f64 {
+        let Some(best) = self.best.as_ref().filter(|b| b.suffix.len() > 2) else {
+            return 0.0;
+        };
+        let distance = |a, b| self.problem.system.distance(a, b);
+        let (after, root) = (best.suffix[1].at, best.suffix[0].at);
+        let before = best.suffix[best.suffix.len() - 2].at;
+        let at = self.prefix.spot(goal).at;
+        let change = distance(before, at) + distance(at, after)
+            - distance(before, root)
+            - distance(root, after);
+        let weight = self.problem.weight.max(1e-9);
+        change * (1.0 - self.problem.weight) / weight
+    }
+
+    /// Whether a plan with a prefix of this length can be cheaper than the best, were its suffix
+    /// free.
+    fn can_improve(&self, prefix: f64) -> bool {
+        let bound = self.problem.weight * prefix;
+        self.best.as_ref().is_none_or(|b| bound < b.total)
+    }
+
+    fn open_suffix(&mut self, goal: NodeId) {
+        let problem = self.problem;
+        let spot = self.prefix.spot(goal);
+        let state = self.prefix.state(goal);
+        let tree = SuffixTree::new(&*problem.system, &problem.task.nba, goal, spot, state);
+        self.suffix_of.insert(goal, self.suffixes.len());
+        self.suffixes.push(tree);
+    }
+
+    fn grow_prefix(&mut self) {
+        let reached = self.stats.first_prefix.is_some();
+        let aim = Aim::Prefix { reached };
+        let grown = grow(
+            self.problem,
+            self.sampler,
+            self.settings,
+            &mut self.prefix,
+            aim,
+            &mut self.random,
+        );
+        self.stats.failed_samples += u64::from(!grown);
+        self.look_at_prefix();
+    }
+
+    fn grow_suffix(&mut self, i: usize) {
+        let suffix = &mut self.suffixes[i];
+        let aim = Aim::Suffix {
+            state: suffix.state,
+            closed: suffix.length().is_some(),
+        };
+        suffix.iterations += 1;
+        self.suffix_iterations += 1;
+        let grown = grow(
+            self.problem,
+            self.sampler,
+            self.settings,
+            &mut suffix.tree,
+            aim,
+            &mut self.random,
+        );
+        self.stats.failed_samples += u64::from(!grown);
+        if suffix.close(&*self.problem.system, &self.problem.task.nba) {
+            self.consider_suffix(i);
+        }
+    }
+
+    /// Takes note of goals that are new or cheaper.
+    fn look_at_prefix(&mut self) {
+        let mut touched = std::mem::take(&mut self.touched);
+        self.prefix.take_touched(&mut touched);
+        self.known.resize(self.prefix.len(), false);
+        for &node in &touched {
+            let state = self.prefix.state(node);
+            if self.problem.task.feasible.binary_search(&state).is_err() {
+                continue;
+            }
+            let letter = self.prefix.spot(node).letter;
+            let stays = self.staying[letter.index()][state.index()];
+            if !std::mem::replace(&mut self.known[node.index()], true) {
+                self.stats.goals += 1;
+                if !stays {
+                    self.open_goals.push(node);
+                }
+                if self.stats.first_prefix.is_none() {
+                    self.stats.first_prefix = Some(self.first(self.prefix.cost(node)));
+                }
+            }
+            if stays {
+                let at = self.prefix.spot(node).at;
+                self.consider(node, 0.0, || vec![Waypoint { at, state }]);
+            } else if let Some(&i) = self.suffix_of.get(&node) {
+                self.consider_suffix(i);
+            }
+        }
+        self.touched = touched;
+    }
+
+    fn consider_suffix(&mut self, i: usize) {
+        let suffix = &self.suffixes[i];
+        let (Some(length), Some(path)) = (suffix.length(), suffix.path()) else {
+            return;
+        };
+        self.consider(suffix.goal, length, || path);
+    }
+
+    /// Keeps a plan if it is the best so far.
+    fn consider(&mut self, goal: NodeId, suffix: f64, path: impl FnOnce() -> Vec<Waypoint>) {
+        let total = Cost::new(self.prefix.cost(goal), suffix, self.problem.weight).total;
+        if self.best.as_ref().is_some_and(|b| b.total <= total) {
+            return;
+        }
+        self.best = Some(Best {
+            goal,
+            suffix: path(),
+            suffix_length: suffix,
+            total,
+        });
+        if self.stats.first_plan.is_none() {
+            self.stats.first_plan = Some(self.first(total));
+        }
+        self.stats.improvements.push(Improvement {
+            iterations: self.stats.iterations,
+            seconds: self.began.elapsed().as_secs_f64(),
+            cost: total,
+        });
+    }
+
+    fn first(&self, cost: f64) -> First {
+        First {
+            iterations: self.stats.iterations,
+            nodes: self.node_count(),
+            seconds: self.began.elapsed().as_secs_f64(),
+            cost,
+        }
+    }
+
+    fn trees(&self) -> impl Iterator<Item = &Tree<'a>> {
+        std::iter::once(&self.prefix).chain(self.suffixes.iter().map(|s| &s.tree))
+    }
+
+    fn node_count(&self) -> u64 {
+        self.trees().map(|t| t.len() as u64).sum()
+    }
+
+    fn finish(mut self, reason: EndReason) -> Result<Solution, PlanError> {
+        self.stats.nodes = self.node_count();
+        self.stats.sites = self.trees().map(|t| t.site_count() as u64).sum();
+        self.stats.suffix_trees = self.suffixes.len() as u64;
+        self.stats.seconds = self.began.elapsed().as_secs_f64();
+        let edges = self.trees().flat_map(Tree::edges).map(|(a, b)| [a, b]);
+        let edges = edges.collect();
+        let Some(best) = self.best.take() else {
+            return Err(PlanError::NotFound(Box::new(self.not_found(reason, edges))));
+        };
+        let prefix = self.prefix.path(best.goal);
+        let cost = Cost::new(
+            self.prefix.cost(best.goal),
+            best.suffix_length,
+            self.problem.weight,
+        );
+        Ok(Solution {
+            path: Path {
+                prefix,
+                suffix: best.suffix,
+            },
+            cost,
+            stats: self.stats,
+            edges,
+        })
+    }
+
+    /// How far the automaton got, and which letters would have helped.
+    fn not_found(self, reason: EndReason, edges: Vec<[nalgebra::Point2<f64>; 2]>) -> NotFound {
+        let task = &self.problem.task;
+        let to_go = |q| {
+            let steps = task.feasible.iter().map(|&f| task.distances.to_go(q, f));
+            steps.min().unwrap_or(Distances::INFINITE)
+        };
+        let reached = |q: &crate::automaton::StateId| !self.prefix.in_state(*q).is_empty();
+        let steps_left = task.nba.states().filter(reached).map(to_go).min();
+        let steps_left = steps_left.unwrap_or(Distances::INFINITE);
+        let mut missing = task.nba.alphabet.none();
+        for q in task.nba.states().filter(reached) {
+            for t in task.nba.outgoing(q) {
+                if to_go(q) == steps_left && to_go(t.target) < steps_left {
+                    missing.union_with(&t.guard);
+                }
+            }
+        }
+        NotFound {
+            stats: self.stats,
+            steps_left,
+            missing,
+            reason,
+            edges,
+        }
+    }
+}
+
+/// One iteration on one tree: sample, steer, extend, rewire. Whether anything was connected.
+fn grow(
+    problem: &Problem,
+    sampler: &Sampler,
+    settings: &Settings,
+    tree: &mut Tree<'_>,
+    aim: Aim,
+    random: &mut Random,
+) -> bool {
+    let view = View {
+        system: &*problem.system,
+        task: &problem.task,
+        settings,
+        tree,
+        aim,
+    };
+    let Some(Draw { at, closest }) = sampler.draw(&view, random) else {
+        return false;
+    };
+    let anchor = match closest {
+        Some(node) => tree.site_of(node),
+        None => tree.nearest(at),
+    };
+    let side = problem.system.bounds().side();
+    let at = match settings.range {
+        Some(range) => steer(tree.site_spot(anchor).at, at, range * side),
+        None => at,
+    };
+    let Some(spot) = problem.system.settle(at) else {
+        return false;
+    };
+    let n = tree.site_count() as f64;
+    let shrinking = settings.radius * (libm::log(n + 1.0) / n).sqrt();
+    let radius = shrinking.min(settings.max_radius) * side;
+    tree.extend(spot, radius, &[anchor]).is_some()
+}
+
+/// The point at most `range` away from `from` in the direction of `to`.
+fn steer(
+    from: nalgebra::Point2<f64>,
+    to: nalgebra::Point2<f64>,
+    range: f64,
+) -> nalgebra::Point2<f64> {
+    let length = (to - from).norm();
+    if length <= range {
+        return to;
+    }
+    from + (to - from) * (range / length)
+}

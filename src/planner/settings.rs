@@ -1,0 +1,172 @@
+//! What can be set about a search.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+/// Parameters of TL-RRT* and its samplers; the defaults are the papers' values.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// The seed of every random choice.
+    pub seed: u64,
+    /// Sampler calls over all trees together, at most.
+    pub iterations: u64,
+    /// Wall-clock budget in seconds; results then depend on the machine. `None`: no limit.
+    pub time_limit: Option<f64>,
+    /// Stop at the first feasible plan.
+    pub first: bool,
+    /// Factor of the near radius `radius · √(ln(n+1)/n)`, relative to the map's side.
+    pub radius: f64,
+    /// The largest near radius, relative to the map's side.
+    pub max_radius: f64,
+    /// The longest new edge relative to the map's side (steering); `None`: points are taken as
+    /// drawn, as the published planner does.
+    pub range: Option<f64>,
+    /// Probability that the node to extend from is drawn from the closest set (S-2).
+    pub p_closest: f64,
+    /// Probability that a point is drawn towards the target and not uniformly (S-6, C-2).
+    pub y_rand: f64,
+    /// Standard deviation of the distance from the closest node, relative to the map's side (S-6).
+    pub distance_deviation: f64,
+    /// Standard deviation of the angle around the direction to the target, in radians (S-6).
+    pub angle_deviation: f64,
+    /// Probability that a choice follows the state prediction (C-1).
+    pub alpha: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            iterations: 10_000,
+            time_limit: None,
+            first: false,
+            radius: 3.0,
+            max_radius: 0.8,
+            range: None,
+            p_closest: 0.9,
+            y_rand: 0.8,
+            distance_deviation: 1.0 / 3.0,
+            angle_deviation: std::f64::consts::PI / 108.0,
+            alpha: 0.8,
+        }
+    }
+}
+
+/// A setting out of its range.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("setting `{name}` is {value}: expected {expected}")]
+pub struct SettingsError {
+    /// The field's name.
+    pub name: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// The range it must lie in.
+    pub expected: &'static str,
+}
+
+impl Settings {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range. Shares must stay below 1 where completeness
+    /// needs the uniform share.
+    pub fn validate(&self) -> Result<(), SettingsError> {
+        let check = |name, value: f64, good: bool, expected| {
+            if good {
+                return Ok(());
+            }
+            Err(SettingsError {
+                name,
+                value,
+                expected,
+            })
+        };
+        let positive = |v: f64| v.is_finite() && v > 0.0;
+        let unit = |v: f64| (0.0..=1.0).contains(&v);
+        let below_one = |v: f64| (0.0..1.0).contains(&v);
+        let more = "a number above 0";
+        check("radius", self.radius, positive(self.radius), more)?;
+        check(
+            "max_radius",
+            self.max_radius,
+            positive(self.max_radius),
+            more,
+        )?;
+        let range = self.range.unwrap_or(1.0);
+        check("range", range, positive(range), more)?;
+        let deviation = self.distance_deviation;
+        check("distance_deviation", deviation, positive(deviation), more)?;
+        let angle = self.angle_deviation;
+        check(
+            "angle_deviation",
+            angle,
+            angle.is_finite() && angle >= 0.0,
+            "0 or more radians",
+        )?;
+        check(
+            "p_closest",
+            self.p_closest,
+            unit(self.p_closest),
+            "a share in [0, 1]",
+        )?;
+        check(
+            "y_rand",
+            self.y_rand,
+            below_one(self.y_rand),
+            "a share in [0, 1): without a uniform share the search is not complete",
+        )?;
+        check(
+            "alpha",
+            self.alpha,
+            below_one(self.alpha),
+            "a share in [0, 1): without the original strategy's share the search is not complete",
+        )?;
+        let limit = self.time_limit.unwrap_or(1.0);
+        check(
+            "time_limit",
+            limit,
+            limit.is_finite() && limit >= 0.0,
+            "0 or more seconds",
+        )?;
+        check(
+            "iterations",
+            self.iterations as f64,
+            self.iterations > 0,
+            "at least 1",
+        )
+    }
+
+    /// The time limit as a duration.
+    #[must_use]
+    pub(super) fn time_budget(&self) -> Option<Duration> {
+        self.time_limit
+            .map(|s| Duration::try_from_secs_f64(s).unwrap_or(Duration::MAX))
+    }
+}
+
+/// A flag by which another thread (or Ctrl-C) ends a search, which then returns its best so far.
+#[derive(Clone, Debug, Default)]
+pub struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    /// A flag that is not raised.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Asks the search to end.
+    pub fn raise(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the search should end.
+    #[must_use]
+    pub fn is_raised(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}

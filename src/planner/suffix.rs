@@ -1,0 +1,80 @@
+//! Suffix trees: ways from a goal back to itself (`nngtl.md`, III-A, 2).
+
+use super::tree::{NodeId, Tree};
+use crate::automaton::{Nba, StateId};
+use crate::plan::Waypoint;
+use crate::system::{Spot, TransitionSystem};
+
+/// A tree grown from one goal of the prefix tree, and the cheapest way back found so far.
+#[derive(Debug)]
+pub(super) struct SuffixTree<'a> {
+    /// The goal, as a node of the prefix tree.
+    pub(super) goal: NodeId,
+    /// The goal's automaton state.
+    pub(super) state: StateId,
+    pub(super) tree: Tree<'a>,
+    /// Iterations spent on it.
+    pub(super) iterations: u64,
+    /// The length of the cheapest way back, and the node from which it closes.
+    best: Option<(f64, NodeId)>,
+    touched: Vec<NodeId>,
+}
+
+impl<'a> SuffixTree<'a> {
+    pub(super) fn new(
+        system: &'a dyn TransitionSystem,
+        nba: &'a Nba,
+        goal: NodeId,
+        spot: Spot,
+        state: StateId,
+    ) -> Self {
+        Self {
+            goal,
+            state,
+            tree: Tree::new(system, nba, spot, &[state]),
+            iterations: 0,
+            best: None,
+            touched: Vec::new(),
+        }
+    }
+
+    /// The length of the cheapest way back.
+    pub(super) fn length(&self) -> Option<f64> {
+        self.best.map(|(length, _)| length)
+    }
+
+    /// Whether anything changed that closes the cycle more cheaply. The closing leg obeys the
+    /// segment rule like every other and reads the letter of the place that it leaves.
+    pub(super) fn close(&mut self, system: &dyn TransitionSystem, nba: &Nba) -> bool {
+        let root = self.tree.root();
+        let mut touched = std::mem::take(&mut self.touched);
+        self.tree.take_touched(&mut touched);
+        let mut improved = false;
+        for &node in &touched {
+            let spot = self.tree.spot(node);
+            let length = self.tree.cost(node) + system.distance(spot.at, root.at);
+            // The root itself, before any move, is no cycle: staying is judged elsewhere.
+            if length <= 0.0 || self.best.is_some_and(|(best, _)| best <= length) {
+                continue;
+            }
+            let guard = nba.guard(self.tree.state(node), self.state);
+            if guard.is_some_and(|g| g.contains(spot.letter)) && system.step(&spot, &root) {
+                self.best = Some((length, node));
+                improved = true;
+            }
+        }
+        self.touched = touched;
+        improved
+    }
+
+    /// The cheapest way back, from the goal to the goal.
+    pub(super) fn path(&self) -> Option<Vec<Waypoint>> {
+        let (_, node) = self.best?;
+        let mut path = self.tree.path(node);
+        path.push(Waypoint {
+            at: self.tree.root().at,
+            state: self.state,
+        });
+        Some(path)
+    }
+}

@@ -1,0 +1,286 @@
+//! Searches with automata made by hand, so that the planner is tested without a translator.
+
+use std::sync::Arc;
+
+use nalgebra::Point2;
+use proptest::prelude::*;
+
+use super::*;
+use crate::alphabet::Alphabet;
+use crate::automaton::{Nba, StateId, Transition};
+use crate::guidance::{Guidance, Heatmap};
+use crate::system::Continuous;
+use crate::workspace::{Bounds, Polygon, Region, Workspace};
+
+fn p(x: f64, y: f64) -> Point2<f64> {
+    Point2::new(x, y)
+}
+
+fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Polygon {
+    Polygon::rectangle(p(x0, y0), p(x1, y1)).unwrap()
+}
+
+fn map() -> Arc<Workspace> {
+    let region = |name: &str, polygon| Region {
+        name: name.to_owned(),
+        polygon,
+    };
+    let obstacles = vec![rectangle(0.4, 0.0, 0.6, 0.7)];
+    let regions = vec![
+        region("a", rectangle(0.8, 0.1, 0.9, 0.2)),
+        region("b", rectangle(0.1, 0.8, 0.2, 0.9)),
+    ];
+    Arc::new(Workspace::new(Bounds::unit(), obstacles, regions).unwrap())
+}
+
+/// An automaton from (from, to, letters by name, where `*` is any) and accepting states.
+fn nba(alphabet: &Arc<Alphabet>, accepting: &[bool], edges: &[(u32, u32, &str)]) -> Nba {
+    let mut transitions = vec![Vec::new(); accepting.len()];
+    for &(from, to, names) in edges {
+        let guard = match names.strip_prefix('!') {
+            _ if names == "*" => alphabet.all(),
+            Some(name) => alphabet
+                .letters_with(alphabet.proposition(name).unwrap())
+                .complement(),
+            None => alphabet.letters_with(alphabet.proposition(names).unwrap()),
+        };
+        let target = StateId(to);
+        transitions[from as usize].push(Transition { target, guard });
+    }
+    Nba {
+        alphabet: Arc::clone(alphabet),
+        initial: vec![StateId(0)],
+        accepting: accepting.to_vec(),
+        transitions,
+    }
+}
+
+fn problem(start: Point2<f64>, weight: f64, task: impl Fn(&Arc<Alphabet>) -> Nba) -> Problem {
+    let system = Continuous::new(map(), start).unwrap();
+    let task = Task::from_trimmed(task(system.map().alphabet()), None);
+    Problem {
+        start: system.start(),
+        system: Arc::new(system),
+        task: Arc::new(task),
+        weight,
+    }
+}
+
+/// `F a`.
+fn visit(alphabet: &Arc<Alphabet>) -> Nba {
+    nba(
+        alphabet,
+        &[false, true],
+        &[(0, 0, "!a"), (0, 1, "a"), (1, 1, "*")],
+    )
+}
+
+/// `GF a & GF b`.
+fn patrol(alphabet: &Arc<Alphabet>) -> Nba {
+    let edges = [
+        (0, 0, "!a"),
+        (0, 1, "a"),
+        (1, 1, "!b"),
+        (1, 2, "b"),
+        (2, 0, "!a"),
+        (2, 1, "a"),
+    ];
+    nba(alphabet, &[false, false, true], &edges)
+}
+
+fn flat(task: &Task) -> Sampler {
+    let guidance = Guidance {
+        heatmap: Heatmap {
+            side: 200,
+            values: vec![1.0; 200 * 200],
+        },
+        states: vec![1.0; task.nba.len()],
+    };
+    Sampler::Guided(Arc::new(Guide::new(&guidance, task.nba.len()).unwrap()))
+}
+
+fn run(problem: &Problem, sampler: &Sampler, settings: &Settings) -> Result<Solution, PlanError> {
+    plan(problem, sampler, settings, &Stop::new(), &mut |_| {})
+}
+
+fn samplers(problem: &Problem) -> [Sampler; 3] {
+    [Sampler::Uniform, Sampler::Biased, flat(&problem.task)]
+}
+
+#[test]
+fn a_reach_mission_ends_in_a_trivial_suffix_near_the_optimum() {
+    let problem = problem(p(0.1, 0.1), 0.5, visit);
+    for sampler in samplers(&problem) {
+        let solution = run(&problem, &sampler, &Settings::default()).unwrap();
+        let (prefix, suffix) = (&solution.path.prefix, &solution.path.suffix);
+        assert_eq!(prefix[0].at, p(0.1, 0.1));
+        assert_eq!(suffix.len(), 1);
+        assert_eq!(suffix[0].at, prefix.last().unwrap().at);
+        // Over the wall's two upper corners, to the region's nearest corner.
+        let optimum = (0.3_f64.powi(2) + 0.6_f64.powi(2)).sqrt()
+            + 0.2
+            + (0.2_f64.powi(2) + 0.5_f64.powi(2)).sqrt();
+        let length = solution.cost.prefix;
+        assert!(
+            length > optimum - 1e-9,
+            "{} {length} < {optimum}",
+            sampler.name()
+        );
+        assert!(
+            length < 1.03 * optimum,
+            "{} {length} > {optimum}",
+            sampler.name()
+        );
+    }
+}
+
+#[test]
+fn a_patrol_has_a_suffix_that_returns() {
+    let problem = problem(p(0.1, 0.1), 0.2, patrol);
+    for sampler in samplers(&problem) {
+        let solution = run(&problem, &sampler, &Settings::default()).unwrap();
+        let suffix = &solution.path.suffix;
+        assert!(suffix.len() > 2);
+        assert_eq!(suffix[0], *solution.path.prefix.last().unwrap());
+        assert_eq!(suffix[0], *suffix.last().unwrap());
+        let length = crate::plan::length(suffix);
+        assert!((length - solution.cost.suffix).abs() < 1e-9);
+        // There and back along the shortest way between the regions' nearest corners.
+        let one_way =
+            (0.4_f64.powi(2) + 0.1_f64.powi(2)).sqrt() + (0.2_f64.powi(2) + 0.5_f64.powi(2)).sqrt();
+        assert!(length > 2.0 * one_way - 1e-9, "{length}");
+        assert!(
+            length < 2.4 * one_way,
+            "{} {length} {one_way}",
+            sampler.name()
+        );
+        let word: Vec<StateId> = suffix.iter().map(|w| w.state).collect();
+        assert!(word.contains(&StateId(2)));
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_plan() {
+    let problem = problem(p(0.1, 0.1), 0.2, patrol);
+    for sampler in samplers(&problem) {
+        let settings = Settings {
+            iterations: 2_000,
+            seed: 7,
+            ..Settings::default()
+        };
+        let (one, two) = (
+            run(&problem, &sampler, &settings).unwrap(),
+            run(&problem, &sampler, &settings).unwrap(),
+        );
+        assert_eq!(one.path, two.path);
+        let other = Settings {
+            seed: 8,
+            ..settings
+        };
+        assert_ne!(one.path, run(&problem, &sampler, &other).unwrap().path);
+    }
+}
+
+#[test]
+fn first_stops_at_the_first_plan_and_more_iterations_improve_it() {
+    let problem = problem(p(0.1, 0.1), 0.2, patrol);
+    let first = Settings {
+        first: true,
+        ..Settings::default()
+    };
+    let one = run(&problem, &Sampler::Biased, &first).unwrap();
+    let found = one.stats.first_plan.unwrap();
+    assert_eq!(found.iterations, one.stats.iterations);
+    assert_eq!(one.stats.improvements.len(), 1);
+    let many = run(&problem, &Sampler::Biased, &Settings::default()).unwrap();
+    assert!(many.cost.total < one.cost.total);
+    assert_eq!(many.stats.first_plan.unwrap().iterations, found.iterations);
+    assert!(
+        many.stats
+            .improvements
+            .windows(2)
+            .all(|w| w[1].cost < w[0].cost)
+    );
+}
+
+#[test]
+fn a_start_that_is_a_goal_needs_no_iteration() {
+    let problem = problem(p(0.85, 0.15), 0.5, visit);
+    let settings = Settings {
+        first: true,
+        ..Settings::default()
+    };
+    let solution = run(&problem, &Sampler::Uniform, &settings).unwrap();
+    assert_eq!(solution.cost.total, 0.0);
+    assert_eq!(solution.stats.iterations, 0);
+}
+
+#[test]
+fn a_spent_budget_says_how_far_it_got() {
+    let problem = problem(p(0.1, 0.1), 0.5, visit);
+    let settings = Settings {
+        iterations: 1,
+        ..Settings::default()
+    };
+    let Err(PlanError::NotFound(why)) = run(&problem, &Sampler::Uniform, &settings) else {
+        panic!("one iteration cannot find a plan here");
+    };
+    assert_eq!((why.steps_left, why.stats.iterations), (1, 1));
+    assert_eq!(why.reason, EndReason::Iterations);
+    let alphabet = problem.system.alphabet();
+    let names: Vec<String> = why.missing.iter().map(|l| alphabet.show(l)).collect();
+    assert_eq!(names, ["{a}"]);
+}
+
+#[test]
+fn bad_settings_are_refused_by_name() {
+    let problem = problem(p(0.1, 0.1), 0.5, visit);
+    let settings = Settings {
+        y_rand: 1.0,
+        ..Settings::default()
+    };
+    let error = run(&problem, &Sampler::Uniform, &settings).unwrap_err();
+    assert!(error.to_string().contains("y_rand"), "{error}");
+}
+
+#[test]
+fn a_raised_stop_ends_with_the_best_so_far() {
+    let problem = problem(p(0.1, 0.1), 0.5, visit);
+    let stop = Stop::new();
+    let flag = stop.clone();
+    let mut observe = move |progress: Progress| {
+        if progress.cost.is_some() {
+            flag.raise();
+        }
+    };
+    let settings = Settings {
+        iterations: u64::MAX,
+        ..Settings::default()
+    };
+    let solution = plan(&problem, &Sampler::Biased, &settings, &stop, &mut observe).unwrap();
+    assert!(solution.cost.total > 0.0);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    /// After every growth the tree keeps its invariants.
+    #[test]
+    fn trees_keep_their_invariants(seed in 0_u64..1_000) {
+        let problem = problem(p(0.1, 0.1), 0.5, patrol);
+        let system = &*problem.system;
+        let mut random = crate::random::generator(seed, 0);
+        let mut tree = Tree::new(system, &problem.task.nba, problem.start, &problem.task.nba.initial);
+        for k in 1..200_u32 {
+            let at = if k % 3 == 0 {
+                system.sample_letter(Letter(k % 3), &mut random)
+            } else {
+                system.sample_free(&mut random)
+            };
+            let spot = system.settle(at).unwrap();
+            let anchor = tree.nearest(at);
+            tree.extend(spot, 0.3, &[anchor]);
+        }
+        tree.check(system, &problem.task.nba);
+    }
+}

@@ -1,0 +1,465 @@
+//! A random tree over the product of workspace and automaton (`nngtl.md`, III-A).
+//!
+//! Product states that share a place share one *site*: its letter, its entry in the spatial index
+//! and the collision check of a move between two places are found once for all automaton states.
+
+mod near;
+
+use nalgebra::Point2;
+use smallvec::SmallVec;
+
+use crate::automaton::{Nba, StateId};
+use crate::plan::Waypoint;
+use crate::system::{Spot, TransitionSystem};
+use near::SiteIndex;
+
+/// The number of a node (a product state) of a [`Tree`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct NodeId(pub(crate) u32);
+
+impl NodeId {
+    pub(crate) fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// The number of a site (a place) of a [`Tree`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct SiteId(pub(crate) u32);
+
+/// Links of the intrusive child lists: no node.
+const NONE: u32 = u32::MAX;
+
+/// Improvements below this share of a cost are rounding, not progress.
+const IMPROVEMENT: f64 = 1e-12;
+
+#[derive(Clone, Debug)]
+struct Node {
+    site: SiteId,
+    state: StateId,
+    cost: f64,
+    parent: u32,
+    first_child: u32,
+    next_sibling: u32,
+    previous_sibling: u32,
+}
+
+#[derive(Clone, Debug)]
+struct Site {
+    spot: Spot,
+    /// The nodes at this place, by automaton state.
+    nodes: SmallVec<[(StateId, NodeId); 4]>,
+}
+
+/// A place near the one that is being added.
+#[derive(Clone, Copy, Debug)]
+struct Neighbour {
+    site: SiteId,
+    distance: f64,
+    /// The least cost of any node there, plus the distance: what an edge from there costs at least.
+    bound: f64,
+    /// Whether a move is possible, once that was asked.
+    visible: Option<bool>,
+}
+
+/// A tree of product states with least-cost paths from its root.
+#[derive(Clone)]
+pub struct Tree<'a> {
+    system: &'a dyn TransitionSystem,
+    nba: &'a Nba,
+    sites: Vec<Site>,
+    nodes: Vec<Node>,
+    index: SiteIndex,
+    /// For each automaton state, the nodes in it.
+    by_state: Vec<Vec<NodeId>>,
+    /// Nodes that were added or became cheaper since this was last taken.
+    touched: Vec<NodeId>,
+    neighbours: Vec<Neighbour>,
+    stack: Vec<(NodeId, f64)>,
+}
+
+impl std::fmt::Debug for Tree<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Tree")
+            .field("sites", &self.sites.len())
+            .field("nodes", &self.nodes.len())
+            .finish_non_exhaustive()
+    }
+}
+
+impl<'a> Tree<'a> {
+    /// A tree that holds its roots alone: `root` in each of the given automaton states, and what
+    /// follows from staying there.
+    pub(crate) fn new(
+        system: &'a dyn TransitionSystem,
+        nba: &'a Nba,
+        root: Spot,
+        states: &[StateId],
+    ) -> Self {
+        let mut tree = Self {
+            system,
+            nba,
+            sites: Vec::new(),
+            nodes: Vec::new(),
+            index: SiteIndex::default(),
+            by_state: vec![Vec::new(); nba.len()],
+            touched: Vec::new(),
+            neighbours: Vec::new(),
+            stack: Vec::new(),
+        };
+        let site = tree.add_site(root);
+        for &state in states {
+            tree.add_node(site, state, 0.0, NONE);
+        }
+        tree.settle_states(site, 0);
+        tree
+    }
+
+    /// How many product states the tree holds.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Whether the tree holds nothing (it never does).
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// How many places the tree holds.
+    #[must_use]
+    pub fn site_count(&self) -> usize {
+        self.sites.len()
+    }
+
+    /// The root's place.
+    #[must_use]
+    pub fn root(&self) -> Spot {
+        self.sites[0].spot
+    }
+
+    /// The nodes in automaton state `state`, in the order they were added.
+    #[must_use]
+    pub fn in_state(&self, state: StateId) -> &[NodeId] {
+        &self.by_state[state.index()]
+    }
+
+    /// The place of a node.
+    #[must_use]
+    pub fn spot(&self, node: NodeId) -> Spot {
+        self.sites[self.nodes[node.index()].site.0 as usize].spot
+    }
+
+    /// The automaton state of a node.
+    #[must_use]
+    pub fn state(&self, node: NodeId) -> StateId {
+        self.nodes[node.index()].state
+    }
+
+    /// The length of the path from the root to a node, in map units.
+    #[must_use]
+    pub fn cost(&self, node: NodeId) -> f64 {
+        self.nodes[node.index()].cost
+    }
+
+    /// Whether a node is at the root's place.
+    #[must_use]
+    pub fn is_at_root(&self, node: NodeId) -> bool {
+        self.nodes[node.index()].site.0 == 0
+    }
+
+    /// The edges between different places, for pictures.
+    pub fn edges(&self) -> impl Iterator<Item = (Point2<f64>, Point2<f64>)> + '_ {
+        self.nodes.iter().filter_map(|n| {
+            let parent = self.nodes.get(n.parent as usize)?;
+            let at = |site: SiteId| self.sites[site.0 as usize].spot.at;
+            (parent.site != n.site).then(|| (at(parent.site), at(n.site)))
+        })
+    }
+
+    /// The path from the root to `node`, both included.
+    #[must_use]
+    pub fn path(&self, node: NodeId) -> Vec<Waypoint> {
+        let mut path = Vec::new();
+        let mut next = node.0;
+        while next != NONE {
+            path.push(Waypoint {
+                at: self.spot(NodeId(next)).at,
+                state: self.nodes[next as usize].state,
+            });
+            next = self.nodes[next as usize].parent;
+        }
+        path.reverse();
+        path
+    }
+
+    /// Takes the list of nodes that were added or became cheaper since the last call.
+    pub(crate) fn take_touched(&mut self, into: &mut Vec<NodeId>) {
+        into.clear();
+        std::mem::swap(into, &mut self.touched);
+    }
+
+    /// The place in the tree nearest to `p`.
+    pub(crate) fn nearest(&self, p: Point2<f64>) -> SiteId {
+        self.index.nearest(p).unwrap_or(SiteId(0))
+    }
+
+    /// The place of a site.
+    pub(crate) fn site_spot(&self, site: SiteId) -> Spot {
+        self.sites[site.0 as usize].spot
+    }
+
+    /// The site of a node.
+    pub(crate) fn site_of(&self, node: NodeId) -> SiteId {
+        self.nodes[node.index()].site
+    }
+
+    /// Extend and Rewire (`nngtl.md`, III-A, steps 3 to 6): connects `spot` in every automaton
+    /// state that it can be reached in, each at least cost from the sites within `radius` and
+    /// from `also`; then reroutes those sites through it where that is cheaper. A place that is in the tree already is not
+    /// added again, but what reaches it more cheaply, or in another state, is kept.
+    ///
+    /// Returns the site if anything was connected to it.
+    pub(crate) fn extend(&mut self, spot: Spot, radius: f64, also: &[SiteId]) -> Option<SiteId> {
+        let mut neighbours = std::mem::take(&mut self.neighbours);
+        self.find_neighbours(spot, radius, also, &mut neighbours);
+        let reached = self.reachable_states(&spot, &mut neighbours);
+        let site = (!reached.is_empty()).then(|| {
+            let site = self
+                .index
+                .at(spot.at)
+                .unwrap_or_else(|| self.add_site(spot));
+            for (state, cost, parent) in reached {
+                self.connect(site, state, cost, parent.0);
+            }
+            self.settle_states(site, 0);
+            self.rewire(site, &mut neighbours);
+            site
+        });
+        self.neighbours = neighbours;
+        site
+    }
+
+    /// Step 3: the sites within `radius`, and `also`, the cheapest way in first.
+    fn find_neighbours(
+        &self,
+        spot: Spot,
+        radius: f64,
+        also: &[SiteId],
+        neighbours: &mut Vec<Neighbour>,
+    ) {
+        neighbours.clear();
+        let mut add = |site: SiteId| {
+            let there = &self.sites[site.0 as usize];
+            let distance = self.system.distance(there.spot.at, spot.at);
+            let least = there
+                .nodes
+                .iter()
+                .map(|&(_, n)| self.cost(n))
+                .fold(f64::INFINITY, f64::min);
+            neighbours.push(Neighbour {
+                site,
+                distance,
+                bound: least + distance,
+                visible: None,
+            });
+        };
+        self.index.within(spot.at, radius).for_each(&mut add);
+        for &site in also {
+            if (self.site_spot(site).at - spot.at).norm_squared() > radius * radius {
+                add(site);
+            }
+        }
+        neighbours.retain(|n| self.site_spot(n.site).at != spot.at);
+        neighbours.sort_by(|a, b| a.bound.total_cmp(&b.bound).then(a.site.cmp(&b.site)));
+        neighbours.dedup_by_key(|n| n.site);
+    }
+
+    /// Steps 4 and 5: the automaton states in which `spot` can be reached, each with its least
+    /// cost and the node that gives it. Moves are checked only where they would be the cheapest so
+    /// far: neighbours come in the order of their bounds.
+    fn reachable_states(
+        &self,
+        spot: &Spot,
+        neighbours: &mut [Neighbour],
+    ) -> SmallVec<[(StateId, f64, NodeId); 8]> {
+        let mut best: SmallVec<[(StateId, f64, NodeId); 8]> = SmallVec::new();
+        for neighbour in neighbours {
+            let site = &self.sites[neighbour.site.0 as usize];
+            for &(state, node) in &site.nodes {
+                let cost = self.cost(node) + neighbour.distance;
+                for target in self.nba.successors(state, site.spot.letter) {
+                    let known = best.iter_mut().find(|(q, ..)| *q == target);
+                    if known.as_ref().is_some_and(|(_, c, _)| *c <= cost) {
+                        continue;
+                    }
+                    if !self.is_visible(neighbour, spot) {
+                        continue;
+                    }
+                    match known {
+                        Some(entry) => (entry.1, entry.2) = (cost, node),
+                        None => best.push((target, cost, node)),
+                    }
+                }
+            }
+        }
+        best.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        best
+    }
+
+    /// Step 6: reroutes neighbours through `site` where that is cheaper.
+    fn rewire(&mut self, site: SiteId, neighbours: &mut [Neighbour]) {
+        let spot = self.site_spot(site);
+        let here = self.sites[site.0 as usize].nodes.clone();
+        for neighbour in neighbours {
+            let mut improved = false;
+            for &(state, node) in &here {
+                let cost = self.cost(node) + neighbour.distance;
+                for target in self.nba.successors(state, spot.letter) {
+                    let Some(old) = self.node_at(neighbour.site, target) else {
+                        continue;
+                    };
+                    if !improves(cost, self.cost(old)) || !self.is_visible(neighbour, &spot) {
+                        continue;
+                    }
+                    self.reparent(old, node, cost);
+                    improved = true;
+                }
+            }
+            if improved {
+                self.settle_states(neighbour.site, 0);
+            }
+        }
+    }
+
+    fn is_visible(&self, neighbour: &mut Neighbour, spot: &Spot) -> bool {
+        *neighbour
+            .visible
+            .get_or_insert_with(|| self.system.step(&self.site_spot(neighbour.site), spot))
+    }
+
+    /// Staying at `site`: from each of its nodes (from number `first` on) the automaton may read
+    /// the letter there without the robot moving. Runs until nothing gets cheaper.
+    fn settle_states(&mut self, site: SiteId, first: usize) {
+        let letter = self.site_spot(site).letter;
+        let mut open: SmallVec<[NodeId; 8]> = self.sites[site.0 as usize].nodes[first..]
+            .iter()
+            .map(|&(_, n)| n)
+            .collect();
+        while let Some(node) = open.pop() {
+            let (state, cost) = (self.state(node), self.cost(node));
+            let targets: SmallVec<[StateId; 8]> = self.nba.successors(state, letter).collect();
+            for target in targets {
+                if let Some(changed) = self.connect(site, target, cost, node.0) {
+                    open.push(changed);
+                }
+            }
+        }
+    }
+
+    /// Makes `(site, state)` reachable at `cost` from `parent`, if that is new or cheaper.
+    fn connect(&mut self, site: SiteId, state: StateId, cost: f64, parent: u32) -> Option<NodeId> {
+        match self.node_at(site, state) {
+            None => Some(self.add_node(site, state, cost, parent)),
+            Some(old) if improves(cost, self.cost(old)) => {
+                self.reparent(old, NodeId(parent), cost);
+                Some(old)
+            }
+            Some(_) => None,
+        }
+    }
+
+    fn node_at(&self, site: SiteId, state: StateId) -> Option<NodeId> {
+        let nodes = &self.sites[site.0 as usize].nodes;
+        nodes.iter().find(|(q, _)| *q == state).map(|&(_, n)| n)
+    }
+
+    fn add_site(&mut self, spot: Spot) -> SiteId {
+        let site = SiteId(self.sites.len() as u32);
+        self.sites.push(Site {
+            spot,
+            nodes: SmallVec::new(),
+        });
+        self.index.insert(spot.at, site);
+        site
+    }
+
+    fn add_node(&mut self, site: SiteId, state: StateId, cost: f64, parent: u32) -> NodeId {
+        let id = NodeId(self.nodes.len() as u32);
+        self.nodes.push(Node {
+            site,
+            state,
+            cost,
+            parent: NONE,
+            first_child: NONE,
+            next_sibling: NONE,
+            previous_sibling: NONE,
+        });
+        self.sites[site.0 as usize].nodes.push((state, id));
+        self.by_state[state.index()].push(id);
+        self.touched.push(id);
+        if parent != NONE {
+            self.link(id, parent);
+        }
+        id
+    }
+
+    /// Gives `node` a new parent and passes the saving on to everything below it.
+    fn reparent(&mut self, node: NodeId, parent: NodeId, cost: f64) {
+        self.unlink(node);
+        self.link(node, parent.0);
+        let mut stack = std::mem::take(&mut self.stack);
+        stack.push((node, cost));
+        while let Some((node, cost)) = stack.pop() {
+            let saving = self.nodes[node.index()].cost - cost;
+            self.nodes[node.index()].cost = cost;
+            self.touched.push(node);
+            let mut child = self.nodes[node.index()].first_child;
+            while child != NONE {
+                stack.push((NodeId(child), self.nodes[child as usize].cost - saving));
+                child = self.nodes[child as usize].next_sibling;
+            }
+        }
+        self.stack = stack;
+    }
+
+    fn link(&mut self, node: NodeId, parent: u32) {
+        let first = self.nodes[parent as usize].first_child;
+        let n = &mut self.nodes[node.index()];
+        n.parent = parent;
+        n.previous_sibling = NONE;
+        n.next_sibling = first;
+        if first != NONE {
+            self.nodes[first as usize].previous_sibling = node.0;
+        }
+        self.nodes[parent as usize].first_child = node.0;
+    }
+
+    fn unlink(&mut self, node: NodeId) {
+        let Node {
+            parent,
+            next_sibling,
+            previous_sibling,
+            ..
+        } = self.nodes[node.index()];
+        if parent == NONE {
+            return;
+        }
+        if previous_sibling == NONE {
+            self.nodes[parent as usize].first_child = next_sibling;
+        } else {
+            self.nodes[previous_sibling as usize].next_sibling = next_sibling;
+        }
+        if next_sibling != NONE {
+            self.nodes[next_sibling as usize].previous_sibling = previous_sibling;
+        }
+    }
+}
+
+fn improves(new: f64, old: f64) -> bool {
+    new < old * (1.0 - IMPROVEMENT)
+}
+
+#[cfg(test)]
+mod tests;

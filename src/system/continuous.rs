@@ -1,0 +1,174 @@
+//! The continuous workspace as a transition system: straight segments, Euclidean lengths.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use nalgebra::Point2;
+
+use super::{Landmark, Spot, TransitionSystem};
+use crate::alphabet::{Alphabet, Letter, LetterSet};
+use crate::random::Random;
+use crate::workspace::visibility::{PathsTo, VisibilityGraph};
+use crate::workspace::{Bounds, Place, Workspace};
+
+/// Why a robot cannot start where it should.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StartError {
+    /// Beyond the bounds, or not a number.
+    #[error("the start ({x}, {y}) lies outside the bounds of the workspace: move it inside")]
+    Outside {
+        /// Its x coordinate.
+        x: f64,
+        /// Its y coordinate.
+        y: f64,
+    },
+    /// In the interior of an obstacle.
+    #[error("the start ({x}, {y}) lies inside obstacle {obstacle} (counted from 0): move it out")]
+    InObstacle {
+        /// Its x coordinate.
+        x: f64,
+        /// Its y coordinate.
+        y: f64,
+        /// The obstacle.
+        obstacle: usize,
+    },
+}
+
+/// A workspace with a start: which parts of the map can be reached, and how.
+#[derive(Debug)]
+pub struct Continuous {
+    graph: VisibilityGraph,
+    start: Spot,
+    landmarks: Vec<Vec<Landmark>>,
+    reachable: LetterSet,
+    /// Paths to targets that were asked for more than once, by the bits of their coordinates.
+    paths: Mutex<HashMap<[u64; 2], Arc<PathsTo>>>,
+}
+
+impl Continuous {
+    /// Prepares a map for planning from `start`.
+    ///
+    /// # Errors
+    /// A start outside the bounds or inside an obstacle.
+    pub fn new(map: Arc<Workspace>, start: Point2<f64>) -> Result<Self, StartError> {
+        let (x, y) = (start.x, start.y);
+        let letter = match map.locate(start) {
+            Place::Free { letter, .. } => letter,
+            Place::Outside => return Err(StartError::Outside { x, y }),
+            Place::Obstacle(obstacle) => return Err(StartError::InObstacle { x, y, obstacle }),
+        };
+        let graph = VisibilityGraph::new(map);
+        let from_start = graph.paths_to(start);
+        let alphabet = graph.map().alphabet();
+        let reached = |letter: Letter| -> Vec<Landmark> {
+            let cells = graph.map().cells(letter).iter();
+            let landmark = cells.map(|c| Landmark {
+                at: c.inner_point(),
+                area: c.area(),
+            });
+            landmark
+                .filter(|l| from_start.first_leg(&graph, l.at).is_some())
+                .collect()
+        };
+        let landmarks: Vec<Vec<Landmark>> = alphabet.letters().map(reached).collect();
+        let mut reachable = alphabet.none();
+        for l in alphabet.letters() {
+            if l == letter || !landmarks[l.index()].is_empty() {
+                reachable.insert(l);
+            }
+        }
+        Ok(Self {
+            start: Spot { at: start, letter },
+            landmarks,
+            reachable,
+            paths: Mutex::default(),
+            graph,
+        })
+    }
+
+    /// The map.
+    #[must_use]
+    pub fn map(&self) -> &Arc<Workspace> {
+        self.graph.map()
+    }
+
+    /// Where the robot starts.
+    #[must_use]
+    pub fn start(&self) -> Spot {
+        self.start
+    }
+
+    /// The letters of the places that can be reached from the start.
+    #[must_use]
+    pub fn reachable(&self) -> &LetterSet {
+        &self.reachable
+    }
+
+    /// The shortest obstacle-free path between two free points, ends included.
+    #[must_use]
+    pub fn shortest_path(&self, from: Point2<f64>, to: Point2<f64>) -> Option<Vec<Point2<f64>>> {
+        self.paths_to(to, false).path(&self.graph, from)
+    }
+
+    fn paths_to(&self, to: Point2<f64>, keep: bool) -> Arc<PathsTo> {
+        if !keep {
+            return Arc::new(self.graph.paths_to(to));
+        }
+        let key = [to.x.to_bits(), to.y.to_bits()];
+        let mut known = self.paths.lock().unwrap_or_else(PoisonError::into_inner);
+        let paths = known
+            .entry(key)
+            .or_insert_with(|| Arc::new(self.graph.paths_to(to)));
+        Arc::clone(paths)
+    }
+}
+
+impl TransitionSystem for Continuous {
+    fn alphabet(&self) -> &Arc<Alphabet> {
+        self.map().alphabet()
+    }
+
+    fn bounds(&self) -> Bounds {
+        self.map().bounds()
+    }
+
+    fn settle(&self, p: Point2<f64>) -> Option<Spot> {
+        match self.map().locate(p) {
+            Place::Free {
+                letter,
+                on_boundary: false,
+            } => Some(Spot { at: p, letter }),
+            _ => None,
+        }
+    }
+
+    fn distance(&self, a: Point2<f64>, b: Point2<f64>) -> f64 {
+        (b - a).norm()
+    }
+
+    fn step(&self, a: &Spot, b: &Spot) -> bool {
+        self.map().step_between(a.at, a.letter, b.at, b.letter)
+    }
+
+    fn sample_free(&self, random: &mut Random) -> Point2<f64> {
+        self.map().sample_free(random)
+    }
+
+    fn sample_letter(&self, letter: Letter, random: &mut Random) -> Point2<f64> {
+        self.map().sample_letter(letter, random)
+    }
+
+    fn landmarks(&self, letter: Letter) -> &[Landmark] {
+        &self.landmarks[letter.index()]
+    }
+
+    fn first_leg(&self, from: Point2<f64>, to: Point2<f64>, keep: bool) -> Option<Point2<f64>> {
+        // Most legs are in sight: that needs no paths at all.
+        if self.map().is_free_between(from, to) {
+            return Some(to);
+        }
+        let paths = self.paths_to(to, keep);
+        paths.first_leg(&self.graph, from).map(|(_, at)| at)
+    }
+}

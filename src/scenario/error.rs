@@ -16,7 +16,7 @@ use super::locate::line_column;
 /// [`snippet`](Self::snippet) shows the lines of the file with a caret below the place.
 #[derive(Debug)]
 pub struct ScenarioError {
-    kind: ScenarioErrorKind,
+    pub(super) kind: ScenarioErrorKind,
     file: Option<PathBuf>,
     place: Option<Place>,
 }
@@ -101,7 +101,7 @@ pub enum ScenarioErrorKind {
         /// The name.
         name: String,
         /// The rule it breaks.
-        reason: String,
+        reason: &'static str,
     },
     /// Two regions share a name.
     #[error("region `{0}` is there twice: give each region a name of its own")]
@@ -128,22 +128,16 @@ pub enum ScenarioErrorKind {
         obstacle: usize,
     },
     /// The weight is not a share.
-    #[error("the weight is {0}: expected a number from 0 (only the suffix counts) to 1 (only the prefix)")]
+    #[error(
+        "the weight is {0}: expected a number from 0 (only the suffix counts) to 1 (only the prefix)"
+    )]
     Weight(f64),
     /// There is no formula.
     #[error("the scenario has no `task`: add one, or name a formula on the command line")]
     NoTask,
-    /// The formula cannot be parsed.
-    #[error("the task is not an LTL formula: {}", .0.message())]
-    Formula(ParseError),
-    /// The formula names a region that the map does not have.
-    #[error("the task speaks of `{name}`, but {known}")]
-    UnknownProposition {
-        /// The name in the formula.
-        name: String,
-        /// The names that exist, as part of a sentence.
-        known: String,
-    },
+    /// The task is not a formula, or names a region that the map does not have.
+    #[error("the task: {}", without_place(.0))]
+    Formula(#[source] ParseError),
     /// The scenario asks for planning on a grid.
     #[error(
         "planning on a grid does not exist yet: leave `grid` out to plan in the continuous workspace"
@@ -190,8 +184,19 @@ impl ScenarioError {
     #[must_use]
     pub fn snippet(&self) -> Option<String> {
         let place = self.place.as_ref()?;
-        Some(super::snippet::show(&place.text, place.first_line, &place.span))
+        Some(super::snippet::show(
+            &place.text,
+            place.first_line,
+            &place.span,
+        ))
     }
+}
+
+/// The sentence without its place in the formula: the place in the file is told already.
+fn without_place(e: &ParseError) -> String {
+    let (line, column) = e.line_column();
+    e.to_string()
+        .replacen(&format!(" at line {line}, column {column}"), "", 1)
 }
 
 impl From<ScenarioErrorKind> for ScenarioError {

@@ -30,7 +30,7 @@ use std::sync::Arc;
 use nalgebra::Point2;
 use sha2::{Digest, Sha256};
 
-use crate::ltl::{self, Formula};
+use crate::ltl::{self, Formula, ParseOptions};
 use crate::workspace::{Bounds, Place as Whereabouts, Polygon, Region, Workspace};
 
 pub use error::{ScenarioError, ScenarioErrorKind};
@@ -128,7 +128,9 @@ impl Scenario {
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let hidden = |name| {
-            format!("region `{name}` is covered by obstacles entirely: no point of it can be visited")
+            format!(
+                "region `{name}` is covered by obstacles entirely: no point of it can be visited"
+            )
         };
         let workspace = &self.workspace;
         workspace.hidden_regions().into_iter().map(hidden).collect()
@@ -214,16 +216,34 @@ fn check_region_name(name: &str, so_far: &[Region]) -> Result<(), ScenarioErrorK
     if so_far.iter().any(|r| r.name == name) {
         return Err(ScenarioErrorKind::DuplicateRegion(name.to_owned()));
     }
-    ltl::check_proposition_name(name).map_err(|reason| ScenarioErrorKind::RegionName {
-        name: name.to_owned(),
-        reason: reason.to_string(),
-    })
+    match bad_name(name) {
+        None => Ok(()),
+        Some(reason) => Err(ScenarioErrorKind::RegionName {
+            name: name.to_owned(),
+            reason,
+        }),
+    }
 }
 
-fn polygon(
-    vertices: &[[f64; 2]],
-    what: impl Fn() -> String,
-) -> Result<Polygon, ScenarioErrorKind> {
+/// Why `name` could not be written in a formula as it is, if so.
+fn bad_name(name: &str) -> Option<&'static str> {
+    let starts = |c: char| c.is_alphabetic() || c == '_';
+    let continues = |c: char| c.is_alphanumeric() || c == '_' || c == '.';
+    let words = ["true", "false", "not", "and", "or", "xor"];
+    if name.is_empty() {
+        Some("a name needs at least one letter")
+    } else if !name.starts_with(starts) || !name.chars().all(continues) {
+        Some("a name begins with a letter or `_` and goes on with letters, digits, `_` and `.`")
+    } else if words.contains(&name.to_ascii_lowercase().as_str()) {
+        Some("this word has a meaning of its own in formulas")
+    } else if name.chars().all(|c| "FGX".contains(c)) || ["U", "R", "V", "W", "M"].contains(&name) {
+        Some("these letters are operators of formulas")
+    } else {
+        None
+    }
+}
+
+fn polygon(vertices: &[[f64; 2]], what: impl Fn() -> String) -> Result<Polygon, ScenarioErrorKind> {
     let points = vertices.iter().copied().map(point).collect();
     Polygon::new(points).map_err(|source| ScenarioErrorKind::Polygon {
         what: what(),
@@ -231,10 +251,7 @@ fn polygon(
     })
 }
 
-fn check_start(
-    [x, y]: [f64; 2],
-    workspace: &Workspace,
-) -> Result<Point2<f64>, ScenarioErrorKind> {
+fn check_start([x, y]: [f64; 2], workspace: &Workspace) -> Result<Point2<f64>, ScenarioErrorKind> {
     finite("a coordinate of the start", x)?;
     finite("a coordinate of the start", y)?;
     let start = point([x, y]);
@@ -263,40 +280,17 @@ fn check_task(
             span,
         }),
     };
-    let formula = ltl::parse(task).map_err(|e| {
-        let span = e.span();
-        ScenarioError::new(ScenarioErrorKind::Formula(e)).at(place(span))
-    })?;
-    let alphabet = workspace.alphabet();
-    match formula
-        .propositions()
-        .into_iter()
-        .find(|name| alphabet.proposition(name).is_none())
-    {
-        None => Ok(formula),
-        Some(name) => {
-            let span = find_word(task, &name);
-            let known = match alphabet.propositions() {
-                [] => "the map has no regions".to_owned(),
-                names => format!("the regions are {}", names.join(", ")),
-            };
-            let kind = ScenarioErrorKind::UnknownProposition {
-                name: name.to_owned(),
-                known,
-            };
-            Err(ScenarioError::new(kind).at(span.and_then(place)))
-        }
-    }
-}
-
-/// Where `word` stands in `text` as a whole word.
-fn find_word(text: &str, word: &str) -> Option<std::ops::Range<usize>> {
-    let part_of_word = |c: char| c.is_alphanumeric() || c == '_';
-    text.match_indices(word)
-        .map(|(at, _)| at..at + word.len())
-        .find(|r| {
-            !text[..r.start].ends_with(part_of_word) && !text[r.end..].starts_with(part_of_word)
-        })
+    let names = workspace.alphabet().propositions();
+    let options = ParseOptions {
+        known: names.to_vec(),
+        ..ParseOptions::default()
+    };
+    let checked = ltl::parse(task, &options)
+        .and_then(|parsed| ltl::check_propositions(&parsed, names).map(|()| parsed.formula));
+    checked.map_err(|e| {
+        let place = place(e.span.clone());
+        ScenarioError::new(ScenarioErrorKind::Formula(e)).at(place)
+    })
 }
 
 fn finite(what: &'static str, value: f64) -> Result<(), ScenarioErrorKind> {

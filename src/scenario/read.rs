@@ -179,7 +179,9 @@ fn read_text(path: &Path) -> Result<String, Kind> {
     }
     let text = String::from_utf8(bytes).map_err(|_| Kind::NotText)?;
     // Editors on some systems put a byte-order mark first.
-    Ok(text.strip_prefix('\u{feff}').map_or(text.clone(), str::to_owned))
+    Ok(text
+        .strip_prefix('\u{feff}')
+        .map_or(text.clone(), str::to_owned))
 }
 
 fn named(mut spec: ScenarioSpec, path: &Path, source: &Source) -> ScenarioSpec {

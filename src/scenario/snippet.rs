@@ -32,7 +32,10 @@ pub(super) fn show(text: &str, first_line: usize, span: &Range<usize>) -> String
 
     let number = line.to_string();
     let margin = " ".repeat(number.len());
-    format!("{margin} |\n{number} | {shown}\n{margin} | {:indent$}{carets}", "")
+    format!(
+        "{margin} |\n{number} | {shown}\n{margin} | {:indent$}{carets}",
+        ""
+    )
 }
 
 #[cfg(test)]

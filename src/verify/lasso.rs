@@ -1,6 +1,6 @@
 //! Infinite words that repeat, and who accepts them.
 
-use crate::alphabet::{Alphabet, Letter};
+use crate::alphabet::{Alphabet, Letter, Props};
 use crate::automaton::Nba;
 use crate::ltl::{Formula, semantics};
 
@@ -45,14 +45,15 @@ pub(super) fn satisfies(
     formula: &Formula,
     alphabet: &Alphabet,
 ) -> Result<bool, Refusal> {
-    if let Some(name) = formula
-        .propositions()
-        .into_iter()
-        .find(|name| alphabet.proposition(name).is_none())
-    {
-        return Err(Refusal::UnknownProposition(name.to_owned()));
-    }
-    Ok(semantics::holds(formula, alphabet, &word.prefix, &word.suffix))
+    let props =
+        |letters: &[Letter]| -> Vec<Props> { letters.iter().map(|&l| alphabet.props(l)).collect() };
+    semantics::holds(
+        formula,
+        &props(&word.prefix),
+        &props(&word.suffix),
+        alphabet,
+    )
+    .map_err(|e| Refusal::Evaluate(e.to_string()))
 }
 
 /// The formulas whose conjunction `formula` is, at its top.

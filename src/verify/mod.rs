@@ -93,7 +93,7 @@ pub fn verify_automaton(
     weight: f64,
     stated: Option<&Cost>,
 ) -> Result<Verified, Refusal> {
-    if automaton.alphabet != *workspace.alphabet() {
+    if *automaton.alphabet != **workspace.alphabet() {
         return Err(Refusal::ForeignAlphabet);
     }
     let verified = check_motion(workspace, start, path, weight, stated)?;

@@ -62,7 +62,11 @@ pub enum Refusal {
         end: Point2<f64>,
     },
     /// The suffix does not return to its beginning.
-    #[error("the suffix ends at {}, but must return to its beginning {}", p(at), p(end))]
+    #[error(
+        "the suffix ends at {}, but must return to its beginning {}",
+        p(at),
+        p(end)
+    )]
     NotClosed {
         /// Where the suffix ends, map units.
         at: Point2<f64>,
@@ -70,7 +74,10 @@ pub enum Refusal {
         end: Point2<f64>,
     },
     /// A point lies in an obstacle or out of bounds.
-    #[error("point {index} of the {part}, {}, lies in an obstacle or outside the bounds", p(at))]
+    #[error(
+        "point {index} of the {part}, {}, lies in an obstacle or outside the bounds",
+        p(at)
+    )]
     NotFree {
         /// Which part.
         part: Part,
@@ -92,7 +99,9 @@ pub enum Refusal {
         at: Point2<f64>,
     },
     /// The letter changes more than once along a leg.
-    #[error("leg {leg} of the {part} sees {letters}: the letter may change at most once along a leg")]
+    #[error(
+        "leg {leg} of the {part} sees {letters}: the letter may change at most once along a leg"
+    )]
     SegmentRule {
         /// Which part.
         part: Part,
@@ -130,9 +139,9 @@ pub enum Refusal {
         "the mission uses X (next), which has no meaning while a robot moves continuously: use U, F and G"
     )]
     Next,
-    /// The formula names a region that the map does not have.
-    #[error("the mission speaks of `{0}`, which is no region of this map")]
-    UnknownProposition(String),
+    /// The formula has no value on this map's words: it names a region that is not there.
+    #[error("the mission does not belong to this map: {0}")]
+    Evaluate(String),
     /// The automaton was made for other letters.
     #[error("the automaton speaks of other letters than this map's")]
     ForeignAlphabet,

@@ -2,6 +2,7 @@
 
 pub mod alphabet;
 pub mod automaton;
+pub mod bench;
 pub mod guidance;
 pub mod ltl;
 pub mod plan;

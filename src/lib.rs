@@ -3,8 +3,10 @@
 pub mod alphabet;
 pub mod automaton;
 pub mod bench;
+pub mod encoding;
 pub mod guidance;
 pub mod ltl;
+pub mod nn;
 pub mod plan;
 pub mod planner;
 pub mod random;

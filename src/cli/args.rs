@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::nn::DeviceChoice;
 use crate::planner::Settings;
 
 /// Plans robot missions given in temporal logic, guided by neural networks.
@@ -105,7 +106,7 @@ pub(super) struct PlanArgs {
 }
 
 /// Which mission.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub(super) struct MissionArgs {
     /// The scenario: .toml, .json, or .jsonl (see --pick)
     #[arg(value_name = "SCENARIO")]
@@ -203,6 +204,17 @@ pub(super) enum DeviceName {
     Software,
     /// The CPU
     Cpu,
+}
+
+impl From<DeviceName> for DeviceChoice {
+    fn from(name: DeviceName) -> Self {
+        match name {
+            DeviceName::Auto => Self::Auto,
+            DeviceName::Gpu => Self::Gpu,
+            DeviceName::Software => Self::Software,
+            DeviceName::Cpu => Self::Cpu,
+        }
+    }
 }
 
 /// Check a plan

@@ -1,7 +1,6 @@
 //! Where words go: results to stdout, everything else to stderr.
 
 use std::io::{self, IsTerminal, Write};
-use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -68,6 +67,11 @@ impl Console {
         self.message(Some(("error", "\u{1b}[1;31m")), text);
     }
 
+    /// Shows lines of the input with a caret.
+    pub(super) fn snippet(&self, lines: &str) {
+        let _ = writeln!(io::stderr().lock(), "{lines}");
+    }
+
     fn message(&self, label: Option<(&str, &str)>, text: &str) {
         let label = match label {
             Some((word, colour)) if self.coloured => format!("{colour}{word}:\u{1b}[0m "),
@@ -104,9 +108,4 @@ pub(super) fn seconds(s: f64) -> String {
     } else {
         format!("{s:.0} s")
     }
-}
-
-/// As [`seconds`], for a duration.
-pub(super) fn duration(d: Duration) -> String {
-    seconds(d.as_secs_f64())
 }

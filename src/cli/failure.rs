@@ -4,7 +4,9 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
+use crate::mission::MissionError;
 use crate::plan::PlanFileError;
+use crate::planner::PlanError;
 use crate::scenario::ScenarioError;
 
 /// The version of everything that `--json` prints.
@@ -98,5 +100,18 @@ impl From<PlanFileError> for Failure {
 impl From<std::io::Error> for Failure {
     fn from(e: std::io::Error) -> Self {
         Self::input(format!("cannot write the result: {e}"))
+    }
+}
+
+impl From<MissionError> for Failure {
+    fn from(e: MissionError) -> Self {
+        match e {
+            MissionError::Exact(_) | MissionError::Plan(PlanError::Unreachable(_)) => {
+                Self::negative("unreachable", e.to_string())
+            }
+            MissionError::Plan(PlanError::NotFound(_)) => Self::negative("not-found", e.to_string()),
+            MissionError::Refused(_) => Self::negative("refused", e.to_string()),
+            _ => Self::input(e.to_string()),
+        }
     }
 }

@@ -3,7 +3,9 @@
 pub mod alphabet;
 pub mod automaton;
 pub mod bench;
+pub mod dataset;
 pub mod encoding;
+pub mod exact;
 pub mod guidance;
 pub mod ltl;
 pub mod nn;

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
+use crate::automaton::TaskError;
 use crate::mission::MissionError;
 use crate::plan::PlanFileError;
 use crate::planner::PlanError;
@@ -110,6 +111,8 @@ impl From<MissionError> for Failure {
                 Self::negative("unreachable", e.to_string())
             }
             MissionError::Plan(PlanError::NotFound(_)) => Self::negative("not-found", e.to_string()),
+            MissionError::Task(TaskError::Translate(_)) => Self::input(e.to_string()),
+            MissionError::Task(_) => Self::negative("unsatisfiable", e.to_string()),
             MissionError::Refused(_) => Self::negative("refused", e.to_string()),
             _ => Self::input(e.to_string()),
         }

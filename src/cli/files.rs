@@ -79,3 +79,8 @@ pub(super) fn check_folders<'a>(
     }
     Ok(())
 }
+
+/// HOA-PENDING
+pub(super) fn automaton(file: &Path, _: &Scenario) -> Result<crate::automaton::Nba, Failure> {
+    Err(Failure::input(format!("{}: HOA", file.display())))
+}

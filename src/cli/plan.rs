@@ -34,7 +34,7 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
     let scenario = files::scenario(&mission_args, console)?;
     let translated = Instant::now();
     let task = match &args.automaton {
-        Some(file) => Task::from_trimmed(files::automaton(file, &scenario)?, None),
+        Some(file) => Task::from_nba(files::automaton(file, &scenario)?).map_err(MissionError::from)?,
         None => mission::task(&scenario)?,
     };
     let translate = translated.elapsed().as_secs_f64();

@@ -23,7 +23,7 @@ use std::time::Instant;
 
 use nalgebra::Point2;
 
-use crate::automaton::{self, Limits, Task, TranslateError};
+use crate::automaton::{Limits, Task, TaskError};
 use crate::guidance::Guidance;
 use crate::nn::{DeviceChoice, LoadError, PredictError};
 use crate::plan::{Cost, First, Path, PlanFile, PlanStats, StageSeconds};
@@ -89,9 +89,9 @@ pub enum MissionError {
         "the task uses X (next), which has no meaning while a robot moves continuously: use U, F and G"
     )]
     Next,
-    /// The formula cannot be translated.
-    #[error("the task cannot be translated: {0}")]
-    Translate(#[from] TranslateError),
+    /// The formula has no automaton: no word satisfies it, or it is too large to translate.
+    #[error(transparent)]
+    Task(#[from] TaskError),
     /// The robot cannot be where it should start.
     #[error(transparent)]
     Start(#[from] StartError),
@@ -137,8 +137,8 @@ pub fn task(scenario: &Scenario) -> Result<Task, MissionError> {
         return Err(MissionError::Next);
     }
     let letters = Arc::clone(scenario.workspace.alphabet());
-    let nba = automaton::translate(&scenario.formula, letters, &Limits::default())?;
-    Ok(Task::from_trimmed(nba, Some(scenario.formula.clone())))
+    let task = Task::from_formula(&scenario.formula, letters, &Limits::default())?;
+    Ok(task)
 }
 
 /// As [`plan`], for a task that is translated already or was read from a file. Raising `stop` ends

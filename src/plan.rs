@@ -1,9 +1,16 @@
 //! The result of planning, as it stands in `plan.json`.
 
+mod file;
+
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 
 use crate::automaton::StateId;
+
+pub use file::{
+    First, MAX_PLAN_BYTES, PLAN_VERSION, PlanFile, PlanFileError, PlanPoint, PlanStats,
+    StageSeconds, write_atomically,
+};
 
 /// A point of a plan and the automaton state the robot is in when it gets there.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -59,5 +59,9 @@ pub struct Path {
 /// The length of a polyline through `points`, in map units.
 #[must_use]
 pub fn length(points: &[Waypoint]) -> f64 {
-    points.windows(2).map(|w| (w[1].at - w[0].at).norm()).sum()
+    // Summed from 0.0: the empty sum of floats is −0.0.
+    points
+        .windows(2)
+        .map(|w| (w[1].at - w[0].at).norm())
+        .fold(0.0, |sum, leg| sum + leg)
 }

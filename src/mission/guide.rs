@@ -62,7 +62,7 @@ pub fn predict(
     let (guidance, timings) = predictor.predict(&input, &graph)?;
     Ok(Prediction {
         guidance,
-        device: predictor.device(),
+        device: predictor.device().to_owned(),
         model_hash: predictor.hash().to_owned(),
         encode: timings.encode.as_secs_f64(),
         infer: (timings.start + timings.infer).as_secs_f64(),

@@ -10,7 +10,7 @@ mod source;
 pub use fault::{Fault, WeightError};
 pub(crate) use file::hex;
 pub use file::{Tensor, WeightFile};
-pub use source::{EdgeWeights, Norm, TensorSource};
+pub use source::{EdgeWeights, Norm, TensorSource, transposed_weights};
 
 /// The version of the file layout that this code reads.
 pub const FORMAT_VERSION: u32 = 1;

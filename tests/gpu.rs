@@ -10,8 +10,12 @@ mod common;
 
 use std::sync::{Mutex, MutexGuard, OnceLock};
 
-use nngtl::nn::device::{DeviceChoice, Fallback};
+use nalgebra::Point2;
+use nngtl::encoding::{AutomatonGraph, MapInput};
+use nngtl::nn::Predictor;
+use nngtl::nn::device::{DeviceChoice, DeviceKind, Fallback};
 use nngtl::nn::gpu::Gpu;
+use nngtl::nn::gpu::kernels::Tile;
 use nngtl::nn::inputs::Inputs;
 use nngtl::nn::program::Program;
 
@@ -64,6 +68,131 @@ fn every_operation_agrees_with_pytorch() {
     };
     for case in common::ops::cases() {
         case.check(&mut |program, inputs| run(&gpu, program, inputs));
+    }
+}
+
+#[test]
+fn every_tile_agrees_with_pytorch() {
+    let Some((choice, gpu)) = device("every_tile_agrees_with_pytorch") else {
+        return;
+    };
+    // What a software adapter never picks by itself, and a hardware GPU hardly for small shapes.
+    gpu.use_tiles(Tile::for_hardware);
+    for case in common::ops::cases() {
+        case.check(&mut |program, inputs| run(&gpu, program, inputs));
+    }
+    gpu.use_tiles(|_, _| Tile {
+        rows: 16,
+        columns: 16,
+    });
+    for case in common::ops::cases() {
+        case.check(&mut |program, inputs| run(&gpu, program, inputs));
+    }
+    if choice == DeviceChoice::Software {
+        gpu.use_tiles(Tile::for_software);
+    }
+}
+
+#[test]
+fn guidance_is_that_of_the_cpu_and_survives_the_loss_of_the_device() {
+    let test = "guidance_is_that_of_the_cpu_and_survives_the_loss_of_the_device";
+    let Some((choice, _turn)) = device(test) else {
+        return;
+    };
+    let file = |name: &str| {
+        std::fs::read(common::goldens().join(format!("models/{name}.safetensors"))).unwrap()
+    };
+    let (path, state) = (file("pathnet-paint-200"), file("statenet-lookup"));
+    let files = [("path", path.as_slice()), ("state", state.as_slice())];
+    let mut device = Predictor::from_bytes(files, choice).unwrap();
+    let mut cpu = Predictor::from_bytes(files, DeviceChoice::Cpu).unwrap();
+    assert_ne!(device.device(), "cpu");
+    let region = [(0.6, 0.6), (0.8, 0.6), (0.7, 0.8)].map(|(x, y)| Point2::new(x, y));
+    let map = MapInput {
+        bounds: [Point2::origin(), Point2::new(1.0, 1.0)],
+        obstacles: vec![],
+        regions: vec![&region],
+        start: Point2::new(0.1, 0.1),
+    };
+    // A small automaton, then a large one, then the small one again: buffers grow and stay.
+    for count in [2u32, 300, 2] {
+        let graph = AutomatonGraph {
+            regions: 1,
+            states: (0..count)
+                .map(|q| [f32::from(u8::from(q == 0)), 0.0, 0.5])
+                .collect(),
+            literals: (0..3 * count).map(|t| (t % 3) as i8 - 1).collect(),
+            ends: (0..3 * count).map(|t| (t % count, t * 7 % count)).collect(),
+        };
+        let ours = device.predict(&map, &graph).unwrap().0;
+        let expected = cpu.predict(&map, &graph).unwrap().0;
+        let error = common::difference(&ours.heatmap.values, &expected.heatmap.values);
+        assert!(error < MODEL_TOLERANCE, "heatmap off by {error}");
+        let error = common::difference(&ours.states, &expected.states);
+        assert!(error < MODEL_TOLERANCE, "states off by {error}");
+        assert_eq!(device.take_notice(), None);
+    }
+    device.lose_device();
+    let graph = AutomatonGraph {
+        regions: 1,
+        states: vec![[1.0; 3]],
+        literals: vec![1],
+        ends: vec![(0, 0)],
+    };
+    let ours = device.predict(&map, &graph).unwrap().0;
+    assert_eq!(
+        ours,
+        cpu.predict(&map, &graph).unwrap().0,
+        "the CPU takes over"
+    );
+    assert_eq!(device.device(), "cpu");
+    assert!(matches!(device.take_notice(), Some(Fallback::Lost { .. })));
+    assert_eq!(device.take_notice(), None, "told once");
+}
+
+#[test]
+fn adapters_can_be_listed() {
+    let Some((choice, _turn)) = device("adapters_can_be_listed") else {
+        return;
+    };
+    let adapters = nngtl::nn::device::adapters();
+    for adapter in &adapters {
+        println!("{adapter:?}");
+    }
+    let software = |kind| kind == DeviceKind::Software;
+    assert!(
+        adapters
+            .iter()
+            .any(|a| software(a.kind) == (choice == DeviceChoice::Software))
+    );
+}
+
+#[test]
+fn a_device_that_is_not_there_is_told_and_replaced() {
+    // In another process, where no Vulkan driver can be found (other interfaces may have some).
+    let exe = std::env::current_exe().unwrap();
+    let child = std::process::Command::new(exe)
+        .args(["--exact", "child_without_a_driver", "--include-ignored"])
+        .env("VK_ICD_FILENAMES", "none.json")
+        .env("VK_DRIVER_FILES", "none.json")
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&child.stdout);
+    assert!(child.status.success(), "{text}");
+    assert!(text.contains("1 passed"), "{text}");
+}
+
+#[test]
+#[ignore = "run by a_device_that_is_not_there_is_told_and_replaced in a process of its own"]
+fn child_without_a_driver() {
+    if !nngtl::nn::device::adapters().is_empty() {
+        return;
+    }
+    for choice in [DeviceChoice::Gpu, DeviceChoice::Software] {
+        let reason = Gpu::open(choice, &[])
+            .map(|gpu| gpu.name().to_owned())
+            .unwrap_err();
+        assert_eq!(reason, Fallback::NoAdapter { wanted: choice });
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod fault;
 mod file;
+mod random;
 mod source;
 
 pub use fault::{Fault, WeightError};

@@ -340,14 +340,14 @@ pub fn transposed_weights(
     let entry = |residue: usize, tap: usize| (residue + padding) % stride + stride * tap;
     let mut values = Vec::with_capacity(stride * stride * out * inputs * taps * taps);
     for residue in 0..stride * stride {
-        for o in 0..out {
+        for (o, &scale) in factor.iter().enumerate() {
             for i in 0..inputs {
                 for tap in 0..taps * taps {
                     let y = entry(residue / stride, tap / taps);
                     let x = entry(residue % stride, tap % taps);
                     let inside = y < kernel && x < kernel;
                     let at = ((i * out + o) * kernel + y) * kernel + x;
-                    values.push(if inside { weight[at] * factor[o] } else { 0.0 });
+                    values.push(if inside { weight[at] * scale } else { 0.0 });
                 }
             }
         }

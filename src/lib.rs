@@ -2,12 +2,20 @@
 
 pub mod alphabet;
 pub mod automaton;
+pub mod bench;
+pub mod cli;
 pub mod dataset;
+pub mod encoding;
 pub mod exact;
 pub mod guidance;
 pub mod ltl;
+pub mod mission;
+pub mod nn;
 pub mod plan;
 pub mod planner;
 pub mod random;
+pub mod render;
+pub mod scenario;
 pub mod system;
+pub mod verify;
 pub mod workspace;

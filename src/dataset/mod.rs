@@ -19,5 +19,5 @@ pub use read::{
 };
 pub use record::{
     AutomatonRecord, Counts, FORMAT, Manifest, MapRecord, MissionRecord, Pair, RecordError,
-    ShardEntry, pair, point, region_order,
+    ShardEntry, pair, point,
 };

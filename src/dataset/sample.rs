@@ -5,14 +5,14 @@ use nalgebra::Point2;
 use super::GenerateConfig;
 use super::maps::{Family, draw_map, draw_start, round};
 use super::missions::{Pattern, draw_pattern, draw_tree};
-use super::record::{
-    AutomatonRecord, Counts, MapRecord, MissionRecord, pair, region_order, to_millionth,
-};
+use super::record::{AutomatonRecord, Counts, MapRecord, MissionRecord, pair, to_millionth};
 use crate::automaton::{Limits, Task, TaskError};
+use crate::encoding::region_order;
 use crate::exact::{ExactConfig, ExactPlan, Infeasible, Roadmap};
 use crate::ltl::Formula;
-use crate::plan::Waypoint;
+use crate::plan::{Path, Waypoint, length};
 use crate::random::{Random, chance, generator, weighted};
+use crate::verify::verify;
 use crate::workspace::Workspace;
 
 /// Missions drawn on one map, per mission wanted, before the map is drawn anew.
@@ -71,9 +71,6 @@ fn drop_for(filtered: &mut Counts, reason: &'static str) {
     *filtered.entry(reason.to_owned()).or_default() += 1;
 }
 
-/// A part of a path.
-type Points = Vec<Point2<f64>>;
-
 /// What the missions of one map share.
 struct Draw<'a> {
     config: &'a GenerateConfig,
@@ -100,27 +97,30 @@ impl Draw<'_> {
         if others.iter().any(|m| m.formula == text) {
             return Err("repeated formula");
         }
-        let order = region_order(&formula);
+        let alphabet = self.workspace.alphabet();
+        let named = region_order(&formula).into_iter();
+        let order: Vec<usize> = named.filter_map(|n| alphabet.proposition(n)).collect();
         if order.is_empty() {
             return Err("no region named");
         }
         let task = self.task(&formula)?;
         let plan = self.plan(start, &task)?;
-        let (prefix, suffix) = self.rounded(&plan).ok_or("lost by rounding")?;
-        let length = polyline(&prefix) + polyline(&suffix);
-        if length < self.config.min_length {
+        let path = self.rounded(&plan).ok_or("lost by rounding")?;
+        if length(&path.prefix) + length(&path.suffix) < self.config.min_length {
             return Err("no motion needed");
         }
         let weight = self.config.weight;
-        let cost = weight * polyline(&prefix) + (1.0 - weight) * polyline(&suffix);
+        let checked = verify(self.workspace, start, &formula, &path, weight, None);
+        let cost = checked.map_err(|_| "refused by the checker")?.cost.total;
+        let points = |part: &[Waypoint]| part.iter().map(|w| pair(w.at)).collect();
         Ok(MissionRecord {
             start: pair(start),
             formula: text,
             pattern,
-            automaton: AutomatonRecord::new(&task, &order),
+            automaton: AutomatonRecord::new(&task, &order).map_err(|_| "region without letters")?,
             order,
-            prefix: prefix.into_iter().map(pair).collect(),
-            suffix: suffix.into_iter().map(pair).collect(),
+            prefix: points(&path.prefix),
+            suffix: points(&path.suffix),
             visited: plan.visited.iter().map(|q| q.0).collect(),
             cost: to_millionth(cost),
         })
@@ -151,23 +151,26 @@ impl Draw<'_> {
         })
     }
 
-    /// The plan's points on the grid, if the word stays the same there.
-    fn rounded(&self, plan: &ExactPlan) -> Option<(Points, Points)> {
+    /// The plan with its points on the grid, without waits, if the word stays the same there.
+    fn rounded(&self, plan: &ExactPlan) -> Option<Path> {
         let on_grid = |waypoints: &[Waypoint]| {
-            let mut points = Points::with_capacity(waypoints.len());
+            let mut points: Vec<Waypoint> = Vec::with_capacity(waypoints.len());
             for w in waypoints {
-                let p = round(w.at);
-                if self.workspace.letter_at(p)? != self.workspace.letter_at(w.at)? {
+                let at = round(w.at);
+                if self.workspace.letter_at(at)? != self.workspace.letter_at(w.at)? {
                     return None;
                 }
-                if points.last() != Some(&p) {
-                    points.push(p);
+                if points.last().is_none_or(|last| last.at != at) {
+                    points.push(Waypoint { at, ..*w });
                 }
             }
-            let steps = |w: &[Point2<f64>]| self.workspace.step(w[0], w[1]);
+            let steps = |w: &[Waypoint]| self.workspace.step(w[0].at, w[1].at);
             points.windows(2).all(steps).then_some(points)
         };
-        Some((on_grid(&plan.path.prefix)?, on_grid(&plan.path.suffix)?))
+        Some(Path {
+            prefix: on_grid(&plan.path.prefix)?,
+            suffix: on_grid(&plan.path.suffix)?,
+        })
     }
 }
 
@@ -180,8 +183,4 @@ pub(super) fn translate(formula: &Formula, workspace: &Workspace) -> Result<Task
         time: None,
     };
     Task::from_formula(formula, workspace.alphabet().clone(), &limits)
-}
-
-fn polyline(points: &[Point2<f64>]) -> f64 {
-    points.windows(2).map(|w| (w[1] - w[0]).norm()).sum()
 }

@@ -110,7 +110,9 @@ impl From<MissionError> for Failure {
             MissionError::Exact(_) | MissionError::Plan(PlanError::Unreachable(_)) => {
                 Self::negative("unreachable", e.to_string())
             }
-            MissionError::Plan(PlanError::NotFound(_)) => Self::negative("not-found", e.to_string()),
+            MissionError::Plan(PlanError::NotFound(_)) => {
+                Self::negative("not-found", e.to_string())
+            }
             MissionError::Task(TaskError::Translate(_)) => Self::input(e.to_string()),
             MissionError::Task(_) => Self::negative("unsatisfiable", e.to_string()),
             MissionError::Refused(_) => Self::negative("refused", e.to_string()),

@@ -132,7 +132,8 @@ mod tests {
 
     #[test]
     fn the_last_colour_wins() {
-        let colour = |words: &[&str]| wanted_colour(&words.iter().map(Into::into).collect::<Vec<_>>());
+        let colour =
+            |words: &[&str]| wanted_colour(&words.iter().map(Into::into).collect::<Vec<_>>());
         assert_eq!(colour(&["nngtl", "--color", "never"]), ColorChoice::Never);
         assert_eq!(colour(&["nngtl", "--color=always"]), ColorChoice::Always);
         assert_eq!(colour(&["nngtl"]), ColorChoice::Auto);

@@ -34,7 +34,9 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
     let scenario = files::scenario(&mission_args, console)?;
     let translated = Instant::now();
     let task = match &args.automaton {
-        Some(file) => Task::from_nba(files::automaton(file, &scenario)?).map_err(MissionError::from)?,
+        Some(file) => {
+            Task::from_nba(files::automaton(file, &scenario)?).map_err(MissionError::from)?
+        }
         None => mission::task(&scenario)?,
     };
     let translate = translated.elapsed().as_secs_f64();
@@ -130,7 +132,10 @@ fn not_found(scenario: &Scenario, found: &NotFound, missing: &[String]) -> Failu
             format!("within {} iterations", found.stats.iterations)
         }
         EndReason::Time => format!("within {}", seconds(found.stats.seconds)),
-        EndReason::Stopped => format!("before the interruption after {} iterations", found.stats.iterations),
+        EndReason::Stopped => format!(
+            "before the interruption after {} iterations",
+            found.stats.iterations
+        ),
     };
     let mut message = format!("{}: no plan found {ended}", scenario.name);
     if found.stats.goals > 0 {

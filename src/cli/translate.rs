@@ -69,7 +69,12 @@ fn parse(text: &str, known: &[String]) -> Result<Parsed, Failure> {
 /// Every combination of the formula's propositions is a letter.
 fn alone(text: &str) -> Result<(Parsed, Arc<Alphabet>), Failure> {
     let parsed = parse(text, &[])?;
-    let names: Vec<String> = parsed.formula.propositions().into_iter().map(Into::into).collect();
+    let names: Vec<String> = parsed
+        .formula
+        .propositions()
+        .into_iter()
+        .map(Into::into)
+        .collect();
     if names.len() > MAX_POWERSET {
         return Err(Failure::input(format!(
             "the formula has {} propositions, at most {MAX_POWERSET} are supported without a map: name one with --scenario",
@@ -82,7 +87,10 @@ fn alone(text: &str) -> Result<(Parsed, Arc<Alphabet>), Failure> {
 
 /// The letters are those of a map.
 fn on_map(args: &TranslateArgs) -> Result<(Parsed, Arc<Alphabet>), Failure> {
-    let path = args.scenario.as_deref().unwrap_or_else(|| std::path::Path::new(""));
+    let path = args
+        .scenario
+        .as_deref()
+        .unwrap_or_else(|| std::path::Path::new(""));
     // The scenario's own task does not matter here.
     let overrides = Overrides {
         task: Some("true".to_owned()),

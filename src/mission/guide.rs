@@ -104,7 +104,9 @@ pub(super) fn choose(
         Ok(chosen) => Ok(chosen),
         Err(e) if options.sampler == SamplerChoice::Auto && is_no_guidance(&e, options) => {
             let mut chosen = plain(Sampler::Biased);
-            chosen.notices.push(format!("planning without guidance: {e}"));
+            chosen
+                .notices
+                .push(format!("planning without guidance: {e}"));
             Ok(chosen)
         }
         Err(e) => Err(e),

@@ -226,12 +226,7 @@ fn exact(scenario: &Scenario, task: &Task) -> Result<Planned, MissionError> {
 }
 
 /// The checker, by the formula where there is one.
-fn check(
-    scenario: &Scenario,
-    task: &Task,
-    path: &Path,
-    cost: &Cost,
-) -> Result<Verified, Refusal> {
+fn check(scenario: &Scenario, task: &Task, path: &Path, cost: &Cost) -> Result<Verified, Refusal> {
     let (map, start, weight) = (&scenario.workspace, scenario.start, scenario.weight);
     match &task.formula {
         Some(formula) => verify::verify(map, start, formula, path, weight, Some(cost)),

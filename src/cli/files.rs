@@ -65,9 +65,7 @@ pub(super) fn heatmap_format(path: &Path) -> Result<HeatmapFormat, Failure> {
 }
 
 /// Refuses output into folders that are not there, before any work is done.
-pub(super) fn check_folders<'a>(
-    paths: impl IntoIterator<Item = &'a Path>,
-) -> Result<(), Failure> {
+pub(super) fn check_folders<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Result<(), Failure> {
     for path in paths {
         let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
         if folder.is_some_and(|f| !f.is_dir()) {

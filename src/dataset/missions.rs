@@ -106,7 +106,10 @@ pub fn draw_pattern(regions: usize, random: &mut Random) -> (Pattern, Formula) {
     match random.random_range(0..20) {
         0..12 => {
             let pattern = *choose(random, &Pattern::SIMPLE).unwrap_or(&Pattern::Visit);
-            (pattern, simple(pattern, &drawn_names(regions, random), 5, random))
+            (
+                pattern,
+                simple(pattern, &drawn_names(regions, random), 5, random),
+            )
         }
         12 => (
             Pattern::CaseStudy,
@@ -162,14 +165,20 @@ fn simple(pattern: Pattern, names: &[String], most: usize, random: &mut Random) 
         }
         Pattern::OrderedPatrol => {
             let names = many(2, 4, random);
-            let order = names.windows(2).map(|w| until(not(prop(&w[1])), prop(&w[0])));
+            let order = names
+                .windows(2)
+                .map(|w| until(not(prop(&w[1])), prop(&w[0])));
             let mut parts = vec![globally(sequence(names))];
             parts.extend(order);
             all(parts)
         }
         Pattern::AvoidUntil => {
             let first = until(not(name(0)), name(1));
-            if random.random() { first } else { and(first, finally(name(0))) }
+            if random.random() {
+                first
+            } else {
+                and(first, finally(name(0)))
+            }
         }
         Pattern::Avoidance => {
             let names = many(2, 4, random);
@@ -188,7 +197,11 @@ fn simple(pattern: Pattern, names: &[String], most: usize, random: &mut Random) 
         }
         Pattern::Stay => {
             let stay = finally(globally(name(1)));
-            if random.random() { stay } else { and(finally(name(0)), stay) }
+            if random.random() {
+                stay
+            } else {
+                and(finally(name(0)), stay)
+            }
         }
         Pattern::CaseStudy | Pattern::Conjunction | Pattern::Random => all(vec![
             globally(finally(name(0))),

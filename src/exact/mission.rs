@@ -161,8 +161,13 @@ fn names(formula: &Formula, visit: &mut impl FnMut(&str)) {
 /// the automaton cannot tell them apart.
 pub(super) fn letter_classes(task: &Task) -> Vec<u16> {
     let guards: Vec<&LetterSet> = {
-        let mut all: Vec<&LetterSet> =
-            task.nba.transitions.iter().flatten().map(|t| &t.guard).collect();
+        let mut all: Vec<&LetterSet> = task
+            .nba
+            .transitions
+            .iter()
+            .flatten()
+            .map(|t| &t.guard)
+            .collect();
         all.sort_unstable();
         all.dedup();
         all

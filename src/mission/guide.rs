@@ -62,7 +62,7 @@ pub fn predict(
     let (guidance, timings) = predictor.predict(&input, &graph)?;
     Ok(Prediction {
         guidance,
-        device: predictor.device(),
+        device: predictor.device().to_owned(),
         model_hash: predictor.hash().to_owned(),
         encode: timings.encode.as_secs_f64(),
         infer: (timings.start + timings.infer).as_secs_f64(),
@@ -93,7 +93,9 @@ pub(super) fn choose(
         Ok(chosen) => Ok(chosen),
         Err(e) if options.sampler == SamplerChoice::Auto && is_no_guidance(&e, options) => {
             let mut chosen = plain(Sampler::Biased);
-            chosen.notices.push(format!("planning without guidance: {e}"));
+            chosen
+                .notices
+                .push(format!("planning without guidance: {e}"));
             Ok(chosen)
         }
         Err(e) => Err(e),

@@ -2,9 +2,8 @@
 
 use std::collections::HashSet;
 
-use crate::automaton::{Distances, StateId, Task};
+use crate::automaton::{Distances, StateId, Task, cubes};
 use crate::ltl::Formula;
-use temporary::cubes;
 
 /// Why an automaton could not be encoded.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -300,27 +299,5 @@ mod tests {
             Box::new(Formula::Or(p("b"), p("c"))),
         );
         assert_eq!(region_order(&formula), ["b", "a", "c"]);
-    }
-}
-
-mod temporary {
-    use crate::alphabet::{Alphabet, LetterSet, Props};
-    pub(super) struct Cube {
-        pub(super) positive: Props,
-        pub(super) negative: Props,
-    }
-    pub(super) fn cubes(set: &LetterSet, alphabet: &Alphabet) -> Vec<Cube> {
-        if set.is_all() {
-            return vec![Cube {
-                positive: Props::EMPTY,
-                negative: Props::EMPTY,
-            }];
-        }
-        set.iter()
-            .map(|l| Cube {
-                positive: alphabet.props(l),
-                negative: Props::EMPTY,
-            })
-            .collect()
     }
 }

@@ -1,6 +1,8 @@
 //! What several test binaries share: goldens and comparison.
 #![allow(dead_code)] // each binary uses its part
 
+pub(crate) mod ops;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

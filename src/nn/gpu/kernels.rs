@@ -6,6 +6,9 @@ const COMMON: &str = include_str!("../../../shaders/common.wgsl");
 /// Appended to kernels that are products.
 const TILE: &str = include_str!("../../../shaders/tile.wgsl");
 
+/// Picks the tile for a result of so many rows and columns.
+pub type TileRule = fn(usize, usize) -> Tile;
+
 /// The shape of a product's workgroup: 4·`rows` outputs by 4·`columns` cells a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Tile {
@@ -27,8 +30,8 @@ impl Tile {
     #[must_use]
     pub fn for_hardware(rows: usize, columns: usize) -> Self {
         let (rows, columns) = match (rows, columns) {
-            (_, 0..=4) => (64, 1),
-            (_, 5..=16) => (16, 4),
+            (_, 0..=8) => (32, 2),
+            (_, 9..=16) => (16, 4),
             (0..=8, _) => (2, 32),
             (9..=16, _) => (4, 16),
             (r, c) if r >= 64 && c >= 4096 => (16, 16),
@@ -40,7 +43,7 @@ impl Tile {
     /// The one tile for software adapters, where each pipeline takes tenths of a second to
     /// compile and the shape hardly matters.
     #[must_use]
-    pub fn for_software() -> Self {
+    pub fn for_software(_rows: usize, _columns: usize) -> Self {
         Self::DEFAULT
     }
 }
@@ -111,5 +114,110 @@ impl Kernel {
                 format!("{COMMON}{text}{tile}")
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use wgpu::naga;
+
+    use super::*;
+    use crate::nn::gpu::params;
+
+    /// Every kernel in every tile that a rule picks.
+    fn all() -> Vec<Kernel> {
+        let mut kernels = Vec::new();
+        for &(name, _) in SHADERS {
+            let kernel = Kernel::new(name);
+            kernels.push(kernel);
+            if kernel.tile.is_some() {
+                let sizes = [1, 8, 12, 40, 100, 5000];
+                let pairs = sizes
+                    .iter()
+                    .flat_map(|&r| sizes.iter().map(move |&c| (r, c)));
+                let tiles: Vec<Tile> = pairs.map(|(r, c)| Tile::for_hardware(r, c)).collect();
+                kernels.extend(tiles.into_iter().map(|t| Kernel {
+                    tile: Some(t),
+                    name,
+                }));
+            }
+        }
+        kernels.sort_by_key(|k| (k.name, k.tile.map(|t| (t.rows, t.columns))));
+        kernels.dedup();
+        kernels
+    }
+
+    fn parse(kernel: &Kernel) -> naga::Module {
+        let source = kernel.source();
+        naga::front::wgsl::parse_str(&source)
+            .unwrap_or_else(|e| panic!("{kernel:?}: {}", e.emit_to_string(&source)))
+    }
+
+    #[test]
+    fn every_shader_is_valid_within_the_default_limits() {
+        for kernel in all() {
+            let module = parse(&kernel);
+            let (flags, none) = (
+                naga::valid::ValidationFlags::all(),
+                naga::valid::Capabilities::empty(),
+            );
+            let checked = naga::valid::Validator::new(flags, none).validate(&module);
+            checked
+                .unwrap_or_else(|e| panic!("{kernel:?}: {}", e.emit_to_string(&kernel.source())));
+            let [x, y, z] = module.entry_points[0].workgroup_size;
+            assert!(x * y * z <= 256, "{kernel:?}: {} threads", x * y * z);
+            let workgroup = naga::AddressSpace::WorkGroup;
+            let mut layout = naga::proc::Layouter::default();
+            layout.update(module.to_ctx()).unwrap();
+            let shared: u32 = module
+                .global_variables
+                .iter()
+                .filter(|(_, v)| v.space == workgroup)
+                .map(|(_, v)| layout[v.ty].size)
+                .sum();
+            assert!(
+                shared <= 16_384,
+                "{kernel:?}: {shared} bytes of workgroup memory"
+            );
+        }
+    }
+
+    #[test]
+    fn parameters_are_the_same_in_rust_and_wgsl() {
+        assert_eq!(params::ALL.len(), SHADERS.len());
+        for &(name, fields) in params::ALL {
+            let module = parse(&Kernel::new(name));
+            let params = module
+                .types
+                .iter()
+                .find(|(_, t)| t.name.as_deref() == Some("Params"));
+            let naga::TypeInner::Struct { members, span } = &params.unwrap().1.inner else {
+                panic!("{name}: Params is no struct");
+            };
+            let reflected: Vec<_> = members
+                .iter()
+                .map(|m| (m.name.as_deref().unwrap(), m.offset))
+                .collect();
+            let expected: Vec<_> = fields.iter().zip(0..).map(|(&f, i)| (f, 4 * i)).collect();
+            assert_eq!(reflected, expected, "{name}");
+            assert!(*span <= 256, "{name}: {span} bytes");
+        }
+    }
+
+    #[test]
+    fn every_file_in_shaders_is_a_kernel() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/shaders");
+        let files: BTreeSet<String> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .filter(|name| name != "common.wgsl" && name != "tile.wgsl")
+            .collect();
+        let known: BTreeSet<String> = SHADERS
+            .iter()
+            .map(|(name, _)| format!("{name}.wgsl"))
+            .collect();
+        assert_eq!(files, known);
     }
 }

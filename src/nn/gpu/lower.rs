@@ -1,6 +1,6 @@
 //! From operations to dispatches.
 
-use super::kernels::{Kernel, Tile};
+use super::kernels::{Kernel, Tile, TileRule};
 use super::params::{self, Params};
 use crate::nn::program::{BufferId, ConstantId, Edges, GraphSize, Matrix, Op, Sign};
 
@@ -73,7 +73,7 @@ pub(super) fn lower(
     op: &Op,
     size: GraphSize,
     edges: &EdgeOffsets,
-    tile: fn(usize, usize) -> Tile,
+    tile: TileRule,
     at: &mut [u8],
 ) -> Dispatch {
     let n = |value: usize| value as u32;

@@ -17,7 +17,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use adapters::Opened;
-use kernels::Kernel;
+use kernels::{Kernel, Tile, TileRule};
 use layout::Layout;
 use session::{GpuSession, Pipelines};
 
@@ -42,6 +42,7 @@ pub struct Gpu {
 struct Inner {
     opened: Opened,
     layout: Layout,
+    tiles: TileRule,
     pipelines: Pipelines,
     sessions: Vec<GpuSession>,
     readback: Option<wgpu::Buffer>,
@@ -90,6 +91,11 @@ impl Gpu {
             let inner = Inner {
                 opened,
                 layout,
+                tiles: if kind == DeviceKind::Software {
+                    Tile::for_software
+                } else {
+                    Tile::for_hardware
+                },
                 pipelines: Pipelines::new(),
                 sessions,
                 readback: None,
@@ -134,6 +140,11 @@ impl Gpu {
         Ok(())
     }
 
+    /// Replaces the rule by which products get their tiles: to tune it, or to test all of them.
+    pub fn use_tiles(&self, rule: TileRule) {
+        self.lock().tiles = rule;
+    }
+
     /// Runs the programs that [`Self::open`] was given, each on its inputs, in one submission, and
     /// returns their outputs.
     ///
@@ -145,7 +156,7 @@ impl Gpu {
         inputs: &[Inputs<'_>],
     ) -> Result<Vec<Vec<f32>>, Fallback> {
         let mut inner = self.lock();
-        let outcome = catch_unwind(AssertUnwindSafe(|| inner.run(self.kind, programs, inputs)))
+        let outcome = catch_unwind(AssertUnwindSafe(|| inner.run(programs, inputs)))
             .unwrap_or_else(|_| Err("its driver broke".to_owned()));
         outcome.map_err(|reason| Fallback::Lost {
             device: self.name.clone(),
@@ -168,13 +179,13 @@ impl Gpu {
 impl Inner {
     fn run(
         &mut self,
-        kind: DeviceKind,
         programs: &[&Program],
         inputs: &[Inputs<'_>],
     ) -> Result<Vec<Vec<f32>>, String> {
         let Self {
             opened,
             layout,
+            tiles,
             pipelines,
             sessions,
             readback,
@@ -207,7 +218,7 @@ impl Inner {
                 .zip(inputs)
                 .zip(sizes.iter().zip(&lengths))
             {
-                let dispatches = session.prepare(device, queue, layout, kind, program, input);
+                let dispatches = session.prepare(device, queue, layout, *tiles, program, input);
                 for dispatch in &dispatches {
                     let make = || pipeline(device, layout, dispatch.kernel);
                     pipelines.entry(dispatch.kernel).or_insert_with(make);

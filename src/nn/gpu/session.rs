@@ -4,10 +4,9 @@ use std::collections::HashMap;
 
 use wgpu::{BindGroup, Buffer, BufferUsages, ComputePipeline, Device, Queue};
 
-use super::kernels::{Kernel, Tile};
+use super::kernels::{Kernel, TileRule};
 use super::layout::{Layout, round_up};
 use super::lower::{Dispatch, EdgeOffsets, Slot, lower};
-use crate::nn::device::DeviceKind;
 use crate::nn::inputs::Inputs;
 use crate::nn::program::{Edges, GraphSize, Op, Program};
 
@@ -78,7 +77,7 @@ impl GpuSession {
         device: &Device,
         queue: &Queue,
         layout: &Layout,
-        kind: DeviceKind,
+        tiles: TileRule,
         program: &Program,
         inputs: &Inputs<'_>,
     ) -> Vec<Dispatch> {
@@ -111,7 +110,7 @@ impl GpuSession {
             .iter()
             .zip(words.chunks_exact_mut(PARAMS_STRIDE as usize))
         {
-            dispatches.push(lower(op, size, &offsets, tile_rule(kind), at));
+            dispatches.push(lower(op, size, &offsets, tiles, at));
         }
         queue.write_buffer(&self.params, 0, &words);
         dispatches
@@ -242,14 +241,6 @@ impl GpuSession {
             layout: &layout.bindings,
             entries: &entries,
         })
-    }
-}
-
-/// Which tile a product of this shape gets on such a device.
-fn tile_rule(kind: DeviceKind) -> fn(usize, usize) -> Tile {
-    match kind {
-        DeviceKind::Software => |_, _| Tile::for_software(),
-        _ => Tile::for_hardware,
     }
 }
 

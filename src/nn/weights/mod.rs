@@ -5,12 +5,13 @@
 
 mod fault;
 mod file;
+mod random;
 mod source;
 
 pub use fault::{Fault, WeightError};
 pub(crate) use file::hex;
 pub use file::{Tensor, WeightFile};
-pub use source::{EdgeWeights, Norm, TensorSource};
+pub use source::{EdgeWeights, Norm, TensorSource, transposed_weights};
 
 /// The version of the file layout that this code reads.
 pub const FORMAT_VERSION: u32 = 1;

@@ -175,7 +175,9 @@ impl<'a> TensorSource<'a> {
         let weight = self.take(&format!("{name}.weight"), &[inputs, out, kernel, kernel]);
         let (factor, addend) = self.affine(norm, &format!("{name}.bias"), out);
         let values = match weight {
-            Some(t) if factor.len() == out => split_residues(&t.values, &factor, inputs, window),
+            Some(t) if factor.len() == out => {
+                transposed_weights(&t.values, &factor, inputs, window)
+            }
             _ => Vec::new(),
         };
         (program.constant(values), program.constant(addend))
@@ -316,8 +318,19 @@ fn side_by_side(parts: &[Option<&Tensor>], rows: usize, factor: f32) -> Vec<f32>
         .collect()
 }
 
-/// PyTorch's (in, out, kernel, kernel) as (stride, stride, out, in, taps, taps).
-fn split_residues(weight: &[f32], factor: &[f32], inputs: usize, window: Window) -> Vec<f32> {
+/// PyTorch's weights of a transposed convolution, (in, out, kernel, kernel), times a factor per
+/// output channel, as (stride, stride, out, in, taps, taps): the layout of
+/// [`Op::ConvTranspose2d`](crate::nn::program::Op::ConvTranspose2d).
+///
+/// # Panics
+/// If `weight` is shorter than its shape.
+#[must_use]
+pub fn transposed_weights(
+    weight: &[f32],
+    factor: &[f32],
+    inputs: usize,
+    window: Window,
+) -> Vec<f32> {
     let Window {
         kernel,
         stride,
@@ -327,14 +340,14 @@ fn split_residues(weight: &[f32], factor: &[f32], inputs: usize, window: Window)
     let entry = |residue: usize, tap: usize| (residue + padding) % stride + stride * tap;
     let mut values = Vec::with_capacity(stride * stride * out * inputs * taps * taps);
     for residue in 0..stride * stride {
-        for o in 0..out {
+        for (o, &scale) in factor.iter().enumerate() {
             for i in 0..inputs {
                 for tap in 0..taps * taps {
                     let y = entry(residue / stride, tap / taps);
                     let x = entry(residue % stride, tap % taps);
                     let inside = y < kernel && x < kernel;
                     let at = ((i * out + o) * kernel + y) * kernel + x;
-                    values.push(if inside { weight[at] * factor[o] } else { 0.0 });
+                    values.push(if inside { weight[at] * scale } else { 0.0 });
                 }
             }
         }

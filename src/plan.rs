@@ -59,7 +59,9 @@ pub struct Path {
 /// The length of a polyline through `points`, in map units.
 #[must_use]
 pub fn length(points: &[Waypoint]) -> f64 {
-    let legs = points.windows(2).map(|w| (w[1].at - w[0].at).norm());
-    // Not `sum`, which is −0 of nothing.
-    legs.fold(0.0, |sum, leg| sum + leg)
+    // Summed from 0.0: the empty sum of floats is −0.0.
+    points
+        .windows(2)
+        .map(|w| (w[1].at - w[0].at).norm())
+        .fold(0.0, |sum, leg| sum + leg)
 }

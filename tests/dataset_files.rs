@@ -229,7 +229,7 @@ fn what_is_read_back_is_what_the_program_makes_of_the_formula() {
         let mission = mission.unwrap();
         let record = &mission.record;
         assert_eq!(mission.formula.to_string(), record.formula);
-        let automaton = AutomatonRecord::new(&mission.task, &record.order);
+        let automaton = AutomatonRecord::new(&mission.task, &record.order).unwrap();
         assert_eq!(automaton, record.automaton);
         assert!(record.visited.iter().all(|&q| q < automaton.states));
         let length = |points: &[Pair]| -> f64 {

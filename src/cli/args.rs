@@ -73,6 +73,7 @@ pub(super) enum Command {
     Model(ModelCommand),
     #[command(subcommand)]
     Dataset(DatasetCommand),
+    Bench(BenchArgs),
 }
 
 /// Plan a mission
@@ -335,4 +336,61 @@ pub(super) struct GenerateArgs {
     /// Threads to use, 0 for one per core
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) threads: usize,
+}
+
+/// Compare samplers on the same missions
+///
+/// Every mission is searched by every sampler with the same seeds until its first plan. `flat` is
+/// the guided rule without networks: what the networks add is what lies below it. Ratios come with
+/// 95 % bootstrap intervals.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  nngtl bench scenarios/*.toml\n  nngtl bench data --limit 200 --trials 5 --report bench.md --csv bench.csv"
+)]
+pub(super) struct BenchArgs {
+    /// Scenario files, or folders of generated data sets
+    #[arg(value_name = "SCENARIOS", required = true)]
+    pub(super) scenarios: Vec<PathBuf>,
+    /// What to compare
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_values_t = [StrategyName::Biased, StrategyName::Flat, StrategyName::Guided])]
+    pub(super) samplers: Vec<StrategyName>,
+    #[command(flatten)]
+    pub(super) network: NetworkArgs,
+    /// Missions at most, from the front
+    #[arg(long, value_name = "N")]
+    pub(super) limit: Option<usize>,
+    /// Runs of each sampler on each mission
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    pub(super) trials: u64,
+    /// Samples to draw at most; runs that end there count as that many
+    #[arg(long, value_name = "N", default_value_t = 20_000)]
+    pub(super) iterations: u64,
+    /// Seed of the first run
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Probability to draw towards the target instead of uniformly
+    #[arg(long, value_name = "P", default_value_t = Settings::default().y_rand)]
+    pub(super) y_rand: f64,
+    /// Probability that a choice follows the predicted states
+    #[arg(long, value_name = "P", default_value_t = Settings::default().alpha)]
+    pub(super) alpha: f64,
+    /// Write the tables as Markdown
+    #[arg(long, value_name = "FILE.md")]
+    pub(super) report: Option<PathBuf>,
+    /// Write every run as a line of comma-separated values
+    #[arg(long, value_name = "FILE.csv")]
+    pub(super) csv: Option<PathBuf>,
+}
+
+/// A sampler of a comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum StrategyName {
+    /// Uniform sampling
+    Uniform,
+    /// Biased sampling
+    Biased,
+    /// The guided rule with a flat heatmap and flat state probabilities
+    Flat,
+    /// Guided by the networks
+    Guided,
 }

@@ -5,12 +5,14 @@
 //! stdout, everything else to stderr.
 
 mod args;
+mod bench;
 mod console;
 mod devices;
 mod failure;
 mod files;
 mod generate;
 mod heatmap;
+mod interrupt;
 mod model;
 mod plan;
 mod translate;
@@ -67,6 +69,7 @@ fn run(command: &Command, console: &Console) -> Result<(), Failure> {
         Command::Heatmap(args) => heatmap::run(args, console),
         Command::Devices(_) => devices::run(console),
         Command::Model(ModelCommand::Show { file }) => model::show(file, console),
+        Command::Bench(args) => bench::run(args, console),
         Command::Dataset(DatasetCommand::Generate(args)) => generate::run(args, console),
     }
 }

@@ -162,6 +162,7 @@ impl<'m> Chain<'m> {
             for &(_, place) in places.iter().take(TRIES) {
                 let p = at + (place - at) * part;
                 if length(p) < now - self.shape.min_gain
+                    && self.shape.is_firm(p)
                     && self.shape.star_word(p, &neighbours).as_ref() == Some(&word)
                 {
                     self.points[i] = p;
@@ -189,6 +190,18 @@ impl Shape<'_> {
         word.extend(self.word(at, b)?);
         word.dedup();
         Some(word)
+    }
+
+    /// Whether no region's border runs much closer to `p` than the inset: on the way to a place on
+    /// the other side of a border a waypoint must not creep up to it.
+    fn is_firm(&self, p: Point2<f64>) -> bool {
+        let letter = self.workspace.letter_at(p);
+        let reach = 0.9 * self.inset;
+        let around = [(reach, 0.0), (-reach, 0.0), (0.0, reach), (0.0, -reach)];
+        around.into_iter().all(|(x, y)| {
+            let near = self.workspace.letter_at(p + Vector2::new(x, y));
+            near.is_none() || near == letter
+        })
     }
 
     /// What must stay the same when a point moves: for an inner point the word past it, for

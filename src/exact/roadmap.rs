@@ -287,12 +287,12 @@ impl<'w> Candidates<'w> {
                         .iter()
                         .map(|o| (o, Props::single(i))),
                 );
-            let found: Vec<(Point2<f64>, Vector2<f64>, Vector2<f64>, Props)> = others
+            let found: Vec<(Crossing, Props)> = others
                 .flat_map(|(other, origin)| {
-                    crossings(&regions[i].polygon, other).map(move |(p, u, v)| (p, u, v, origin))
+                    crossings(&regions[i].polygon, other).map(move |c| (c, origin))
                 })
                 .collect();
-            for (p, u, v, origin) in found {
+            for ((p, u, v), origin) in found {
                 for (s, t) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
                     let (u, v) = (u * s, v * t);
                     let bisector = (u + v) / (1.0 + u.dot(&v)).max(0.1);
@@ -349,11 +349,14 @@ fn mitre(before: Point2<f64>, at: Point2<f64>, after: Point2<f64>) -> Vector2<f6
     }
 }
 
-/// Where the borders of two polygons cross, with the edges' inward normals.
+/// A point where two borders cross, and the crossing edges' inward normals.
+type Crossing = (Point2<f64>, Vector2<f64>, Vector2<f64>);
+
+/// Where the borders of two polygons cross.
 fn crossings<'a>(
     first: &'a Polygon,
     second: &'a Polygon,
-) -> impl Iterator<Item = (Point2<f64>, Vector2<f64>, Vector2<f64>)> + 'a {
+) -> impl Iterator<Item = Crossing> + 'a {
     let (min, max) = (second.min(), second.max());
     let apart = first.max().x < min.x
         || first.max().y < min.y

@@ -32,7 +32,7 @@ use crate::scenario::Scenario;
 use crate::system::{Continuous, StartError};
 use crate::verify::{self, Refusal, Verified};
 
-pub use guide::{Prediction, predict};
+pub use guide::{Prediction, predict, predict_with};
 
 /// Which strategy plans a mission.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

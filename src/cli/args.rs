@@ -19,6 +19,7 @@ use crate::planner::Settings;
     max_term_width = 100,
     subcommand_required = true,
     arg_required_else_help = true,
+    args_override_self = true,
     after_help = "Exit codes: 0 done; 1 no plan found, or a plan refused; 2 bad input.\n\nExample:\n  nngtl plan scenarios/case-study.toml --svg plan.svg"
 )]
 pub(super) struct Cli {
@@ -32,13 +33,20 @@ pub(super) struct Cli {
 #[derive(Args, Clone, Debug)]
 pub(super) struct Global {
     /// Say nothing but results and errors
-    #[arg(long, short, global = true)]
+    #[arg(long, short, global = true, help_heading = "Output")]
     pub(super) quiet: bool,
     /// When to use colours
-    #[arg(long, global = true, value_enum, default_value_t, value_name = "WHEN")]
+    #[arg(
+        long,
+        global = true,
+        value_enum,
+        default_value_t,
+        value_name = "WHEN",
+        help_heading = "Output"
+    )]
     pub(super) color: Color,
     /// Print the result as one JSON object with a `version` field
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = "Output")]
     pub(super) json: bool,
 }
 
@@ -56,7 +64,7 @@ pub(super) enum Color {
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
-    Plan(PlanArgs),
+    Plan(Box<PlanArgs>),
     Verify(VerifyArgs),
     Translate(TranslateArgs),
     Heatmap(HeatmapArgs),
@@ -90,19 +98,19 @@ pub(super) struct PlanArgs {
     #[command(flatten)]
     pub(super) search: SearchArgs,
     /// Write the plan to this file
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "FILE.json", help_heading = "Files")]
     pub(super) out: Option<PathBuf>,
     /// Draw map and plan as SVG
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg", help_heading = "Files")]
     pub(super) svg: Option<PathBuf>,
     /// Draw map and plan as PNG
-    #[arg(long, value_name = "FILE.png")]
+    #[arg(long, value_name = "FILE.png", help_heading = "Files")]
     pub(super) png: Option<PathBuf>,
     /// Write the heatmap, as PNG or as NumPy array (.npy)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Files")]
     pub(super) heatmap: Option<PathBuf>,
     /// Draw the search trees, too
-    #[arg(long)]
+    #[arg(long, help_heading = "Files")]
     pub(super) tree: bool,
 }
 

@@ -25,7 +25,7 @@ pub(super) struct Failure {
     /// Lines of the input with a caret.
     pub(super) snippet: Option<String>,
     /// More fields of the JSON object.
-    pub(super) details: Value,
+    pub(super) details: Box<Value>,
 }
 
 impl Failure {
@@ -36,7 +36,7 @@ impl Failure {
             outcome: "bad-input",
             message: message.into(),
             snippet: None,
-            details: json!({}),
+            details: Box::default(),
         }
     }
 
@@ -47,12 +47,12 @@ impl Failure {
             outcome,
             message: message.into(),
             snippet: None,
-            details: json!({}),
+            details: Box::default(),
         }
     }
 
     pub(super) fn with_details(mut self, details: Value) -> Self {
-        self.details = details;
+        self.details = Box::new(details);
         self
     }
 

@@ -18,8 +18,10 @@ mod plan;
 mod translate;
 mod verify;
 
+use std::io::Write as _;
 use std::process::ExitCode;
 
+use clap::error::ErrorKind;
 use clap::{ColorChoice, CommandFactory, FromArgMatches};
 
 use args::{Cli, Command, DatasetCommand, ModelCommand};
@@ -34,6 +36,10 @@ pub fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(e) => {
             // Help and version come this way too, with code 0; a closed pipe is no error.
+            let is_help = e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand;
+            if e.use_stderr() && !is_help {
+                let _ = write!(std::io::stderr(), "nngtl: ");
+            }
             let _ = e.print();
             return ExitCode::from(u8::try_from(e.exit_code()).unwrap_or(2));
         }
@@ -94,7 +100,6 @@ fn start_logging(quiet: bool) {
     let environment = env_logger::Env::default().default_filter_or(default);
     let mut builder = env_logger::Builder::from_env(environment);
     if std::env::var_os("RUST_LOG").is_none() {
-        use std::io::Write as _;
         builder.format(|out, record| {
             let level = record.level().as_str().to_lowercase();
             writeln!(out, "nngtl: {level}: {}", record.args())

@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::args::{PlanArgs, SamplerName};
-use super::console::{Console, seconds};
+use super::console::{Console, rest, seconds};
 use super::failure::{Failure, JSON_VERSION};
 use super::files;
 use crate::automaton::Task;
@@ -147,8 +147,11 @@ fn not_found(scenario: &Scenario, found: &NotFound, missing: &[String]) -> Failu
     } else if !missing.is_empty() {
         let _ = write!(
             message,
-            "; the search came within {} automaton steps of acceptance and could not reach {}",
-            found.steps_left,
+            "; the search came within {} of acceptance and could not reach {}",
+            match found.steps_left {
+                1 => "one automaton step".to_owned(),
+                steps => format!("{steps} automaton steps"),
+            },
             missing.join(" or ")
         );
     }
@@ -256,7 +259,7 @@ fn describe(scenario: &Scenario, planned: &Planned) -> String {
         "  cost    {:.4} = {weight} × prefix {:.4} + {} × suffix {:.4}",
         cost.total,
         cost.prefix,
-        1.0 - weight,
+        rest(weight),
         cost.suffix
     );
     if let Some(first) = &file.first {

@@ -10,7 +10,7 @@ use super::failure::{Failure, JSON_VERSION};
 use crate::alphabet::{Alphabet, MAX_POWERSET};
 use crate::automaton::{Limits, Nba, Task, translate};
 use crate::ltl::{self, ParseOptions, Parsed};
-use crate::scenario::{Overrides, Scenario};
+use crate::scenario::{Overrides, Scenario, snippet};
 
 pub(super) fn run(args: &TranslateArgs, console: &Console) -> Result<(), Failure> {
     let (parsed, alphabet) = match &args.scenario {
@@ -34,7 +34,7 @@ pub(super) fn run(args: &TranslateArgs, console: &Console) -> Result<(), Failure
         });
         format!("{object}\n")
     } else {
-        written
+        format!("{}\n", written.trim_end())
     };
     Ok(console.result(&text)?)
 }
@@ -61,7 +61,7 @@ fn parse(text: &str, known: &[String]) -> Result<Parsed, Failure> {
     checked.map_err(|e| {
         let (line, column) = e.line_column();
         Failure::input(format!("the formula: {e}"))
-            .with_snippet(Some(e.render(None, false)))
+            .with_snippet(Some(snippet::show(text, 1, &e.span)))
             .with_details(json!({ "line": line, "column": column }))
     })
 }

@@ -159,6 +159,7 @@ pub fn plan_task(
         return exact(scenario, &task);
     }
     let system = Continuous::new(Arc::clone(&scenario.workspace), scenario.start)?;
+    check_reachable(&task, &system)?;
     let chosen = guide::choose(scenario, &task, options)?;
     let problem = Problem {
         start: system.start(),
@@ -196,6 +197,31 @@ pub fn plan_task(
         edges: solution.edges,
         notices: chosen.notices,
     })
+}
+
+/// Ends at once where no search could succeed: with the letters of places that the robot cannot
+/// reach taken away, nothing is accepted.
+fn check_reachable(task: &Task, system: &Continuous) -> Result<(), PlanError> {
+    let mut left = task.nba.clone();
+    for row in &mut left.transitions {
+        for transition in row.iter_mut() {
+            transition.guard.intersect_with(system.reachable());
+        }
+        row.retain(|t| !t.guard.is_empty());
+    }
+    if !left.trimmed().is_empty() {
+        return Ok(());
+    }
+    let alphabet = &task.nba.alphabet;
+    let beyond: Vec<String> = alphabet
+        .letters()
+        .filter(|&l| !system.reachable().contains(l))
+        .map(|l| alphabet.show(l))
+        .collect();
+    Err(PlanError::Unreachable(format!(
+        "the task needs places that cannot be reached from the start; out of reach: {}",
+        beyond.join(", ")
+    )))
 }
 
 /// Plans without sampling.

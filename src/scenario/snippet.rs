@@ -6,7 +6,7 @@ use std::ops::Range;
 const WINDOW: usize = 60;
 
 /// Shows the line in which `span` begins, with carets below it.
-pub(super) fn show(text: &str, first_line: usize, span: &Range<usize>) -> String {
+pub(crate) fn show(text: &str, first_line: usize, span: &Range<usize>) -> String {
     let start = span.start.min(text.len());
     let line_start = text[..start].rfind('\n').map_or(0, |i| i + 1);
     let line_end = text[start..].find('\n').map_or(text.len(), |i| start + i);

@@ -29,7 +29,12 @@ struct Mission {
 }
 
 pub(super) fn run(args: &BenchArgs, console: &Console) -> Result<(), Failure> {
-    files::check_folders([&args.report, &args.csv].into_iter().flatten().map(|p| p.as_path()))?;
+    files::check_folders(
+        [&args.report, &args.csv]
+            .into_iter()
+            .flatten()
+            .map(|p| p.as_path()),
+    )?;
     let strategies: Vec<Strategy> = args.samplers.iter().map(|&s| strategy(s)).collect();
     let mut missions = Vec::new();
     for path in &args.scenarios {
@@ -105,7 +110,8 @@ fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Fa
     let mut found = Vec::new();
     let skip = |why: String| console.warn(&format!("{}: left out: {why}", path.display()));
     if path.is_dir() {
-        let missions = dataset::labelled_missions(path).map_err(|e| Failure::input(e.to_string()))?;
+        let missions =
+            dataset::labelled_missions(path).map_err(|e| Failure::input(e.to_string()))?;
         for mission in missions.take(limit) {
             match mission {
                 Ok(m) => found.push(Mission {

@@ -353,10 +353,7 @@ fn mitre(before: Point2<f64>, at: Point2<f64>, after: Point2<f64>) -> Vector2<f6
 type Crossing = (Point2<f64>, Vector2<f64>, Vector2<f64>);
 
 /// Where the borders of two polygons cross.
-fn crossings<'a>(
-    first: &'a Polygon,
-    second: &'a Polygon,
-) -> impl Iterator<Item = Crossing> + 'a {
+fn crossings<'a>(first: &'a Polygon, second: &'a Polygon) -> impl Iterator<Item = Crossing> + 'a {
     let (min, max) = (second.min(), second.max());
     let apart = first.max().x < min.x
         || first.max().y < min.y

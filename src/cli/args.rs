@@ -322,14 +322,14 @@ pub(super) enum DatasetCommand {
 ///
 /// Writes shards that can be resumed after an interruption and depend on the seed alone.
 #[derive(Args, Debug)]
-#[command(after_help = "Example:\n  nngtl dataset generate --out data --count 1000 --seed 1")]
+#[command(after_help = "Example:\n  nngtl dataset generate --out data --missions 6000 --seed 1")]
 pub(super) struct GenerateArgs {
     /// The folder to write to; what is already there is kept and completed
     #[arg(long, value_name = "DIR")]
     pub(super) out: PathBuf,
-    /// How many scenarios
-    #[arg(long, value_name = "N", default_value_t = 1000)]
-    pub(super) count: u64,
+    /// How many missions to draw, six on each map
+    #[arg(long, value_name = "N", default_value_t = 6000)]
+    pub(super) missions: u64,
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,

@@ -24,6 +24,8 @@ pub(super) struct Failure {
     pub(super) message: String,
     /// Lines of the input with a caret.
     pub(super) snippet: Option<String>,
+    /// Whether the JSON object was printed already.
+    pub(super) told: bool,
     /// More fields of the JSON object.
     pub(super) details: Box<Value>,
 }
@@ -36,6 +38,7 @@ impl Failure {
             outcome: "bad-input",
             message: message.into(),
             snippet: None,
+            told: false,
             details: Box::default(),
         }
     }
@@ -47,8 +50,15 @@ impl Failure {
             outcome,
             message: message.into(),
             snippet: None,
+            told: false,
             details: Box::default(),
         }
+    }
+
+    /// Leaves the JSON object out: the result was printed already.
+    pub(super) fn already_told(mut self) -> Self {
+        self.told = true;
+        self
     }
 
     pub(super) fn with_details(mut self, details: Value) -> Self {

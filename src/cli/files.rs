@@ -5,6 +5,7 @@ use std::path::Path;
 use super::args::MissionArgs;
 use super::console::Console;
 use super::failure::Failure;
+use crate::automaton::Nba;
 use crate::guidance::Heatmap;
 use crate::plan::write_atomically;
 use crate::render::{heatmap_npy, heatmap_png};
@@ -78,7 +79,10 @@ pub(super) fn check_folders<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Re
     Ok(())
 }
 
-/// HOA-PENDING
-pub(super) fn automaton(file: &Path, _: &Scenario) -> Result<crate::automaton::Nba, Failure> {
-    Err(Failure::input(format!("{}: HOA", file.display())))
+/// Reads an automaton over the letters of the scenario's map.
+pub(super) fn automaton(file: &Path, _: &Scenario) -> Result<Nba, Failure> {
+    Err(Failure::input(format!(
+        "{}: automata cannot be read from files yet: give the mission as a formula",
+        file.display()
+    )))
 }

@@ -49,7 +49,7 @@ pub fn main() -> ExitCode {
     match run(&cli.command, &console) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            if console.json() {
+            if console.json() && !failure.told {
                 let _ = console.result(&format!("{}\n", failure.to_json()));
             }
             console.error(&failure.message);

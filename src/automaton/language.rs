@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use super::bits::Bits;
 use super::graph::{Edge, Graph, Marks};
 use super::{Nba, scc};
-use crate::alphabet::Letter;
+use crate::alphabet::{Letter, LetterSet};
 
 impl Nba {
     /// Whether the word `prefix cycle cycle cycle …` is accepted. An empty cycle makes no infinite
@@ -58,14 +58,10 @@ impl Nba {
     }
 
     pub(super) fn to_graph(&self) -> Graph {
-        let convert = |t: &super::Transition, marks: Marks| {
-            let mut guard = Bits::none(self.alphabet.len());
-            t.guard.iter().for_each(|l| guard.insert(l.index()));
-            Edge {
-                target: t.target.0,
-                marks,
-                guard,
-            }
+        let convert = |t: &super::Transition, marks: Marks| Edge {
+            target: t.target.0,
+            marks,
+            guard: to_bits(&t.guard, self.alphabet.len()),
         };
         // Several initial states are joined by one that has all their edges.
         let single = self.with_one_initial();
@@ -80,6 +76,13 @@ impl Nba {
                 .collect(),
         }
     }
+}
+
+/// A guard as a set of letter numbers.
+pub(super) fn to_bits(guard: &LetterSet, letters: usize) -> Bits {
+    let mut bits = Bits::none(letters);
+    guard.iter().for_each(|l| bits.insert(l.index()));
+    bits
 }
 
 /// Whether no run of `graph` accepts.

@@ -8,6 +8,8 @@ mod buchi;
 mod cubes;
 mod degeneralize;
 mod graph;
+mod hoa;
+mod inclusion;
 mod language;
 mod limits;
 mod nba;
@@ -23,6 +25,7 @@ mod translate;
 mod write;
 
 pub use cubes::{Cube, cubes, guard_text, letters_of};
+pub use hoa::{HoaError, HoaErrorKind, read_hoa, read_hoa_stream};
 pub use limits::Limits;
 pub use nba::{Nba, StateId, Transition};
 pub use task::{Distances, Task, TaskError};

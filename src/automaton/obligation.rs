@@ -209,7 +209,7 @@ impl Deterministic {
         };
         for q in 0..n {
             let c = class[q] as usize;
-            result.accepting[c] = colors[q] % 2 == 0;
+            result.accepting[c] = colors[q].is_multiple_of(2);
             result.edges[c] = merged(&self.edges[q], &class);
         }
         result.trim();

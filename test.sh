@@ -19,7 +19,9 @@ required() {
 
 # Whether the program finds an adapter of any kind.
 adapter_answers() {
-    cargo run --locked --quiet -- --json devices 2>/dev/null | grep -q '"adapters":\[{'
+    local list
+    list=$(cargo run --locked --quiet -- --json devices 2>/dev/null) || return 1
+    [[ "$list" == *'"adapters":[{'* ]]
 }
 
 # apt_get ARGUMENTS...: never asks, as root or with a sudo that asks no password.

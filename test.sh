@@ -54,8 +54,10 @@ unpack_adapter() {
     local wanted
     wanted=$("${apt[@]}" -s --no-install-recommends install "${packages[@]}" |
         sed -n 's/^Inst \([^ ]*\).*/\1/p') || return 1
-    # Those that are installed but do not answer are unpacked as well.
-    wanted=$(printf '%s\n' $wanted "${packages[@]}" | sort -u)
+    # Those that are installed but do not answer are unpacked as well. A second C library would
+    # break every program that finds it; the driver does not run Python.
+    wanted=$(printf '%s\n' $wanted "${packages[@]}" | sort -u |
+        grep -vE '^(libc6|libc-bin|(lib)?python3.*)$')
     # shellcheck disable=SC2086 # one word per package
     (cd "$unpacked/debs" && "${apt[@]}" download $wanted) || return 1
     local deb

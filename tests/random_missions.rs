@@ -75,7 +75,12 @@ fn outcome(scenario: &Scenario) -> &'static str {
                 let cost = Some(&found.cost);
                 verify::verify(map, start, &scenario.formula, &found.path, 0.2, cost)
                     .unwrap_or_else(|why| {
-                        panic!("{} `{}` {}: {why}", scenario.name, scenario.task, sampler.name())
+                        panic!(
+                            "{} `{}` {}: {why}",
+                            scenario.name,
+                            scenario.task,
+                            sampler.name()
+                        )
                     });
                 solved += 1;
             }

@@ -12,7 +12,7 @@ use super::failure::{Failure, JSON_VERSION};
 use super::files;
 use crate::automaton::Task;
 use crate::mission::{self, MissionError, Options, Planned, SamplerChoice};
-use crate::planner::{EndReason, NotFound, PlanError, Progress, Settings, Stop};
+use crate::planner::{EndReason, NotFound, PlanError, Progress, Settings};
 use crate::render::Picture;
 use crate::scenario::Scenario;
 
@@ -95,15 +95,7 @@ fn search(
     options: &Options,
     console: &Console,
 ) -> Result<Planned, Failure> {
-    let stop = Stop::new();
-    let raised = stop.clone();
-    // Fails only if a handler is there already; then Ctrl-C ends the program as usual.
-    let _ = ctrlc::set_handler(move || {
-        if raised.is_raised() {
-            std::process::exit(130);
-        }
-        raised.raise();
-    });
+    let stop = super::interrupt::stop_on_interrupt();
     let bar = console.progress(options.settings.iterations, "planning");
     let alphabet = scenario.workspace.alphabet();
     let planned = mission::plan_task(scenario, task, options, &stop, &mut |p: Progress| {

@@ -6,6 +6,7 @@
 //! by name. See Babiak et al., "The Hanoi Omega-Automata Format", CAV 2015.
 
 mod error;
+mod label;
 mod lexer;
 mod reader;
 
@@ -130,22 +131,34 @@ fn to_graph(automaton: &Automaton) -> Graph {
         row.iter()
             .filter(|e| !e.2.is_empty())
             .map(|(target, marks, guard)| Edge {
-                target: target + 1,
+                target: *target,
                 marks: *marks,
                 guard: super::language::to_bits(guard, letters),
             })
             .collect()
     };
-    let rows: Vec<Vec<Edge>> = automaton.edges.iter().map(row).collect();
-    let first = automaton
-        .starts
-        .iter()
-        .flat_map(|&q| rows[q as usize].clone());
-    let mut edges = vec![unite(first.collect())];
-    edges.extend(rows.into_iter().map(unite));
+    let mut edges: Vec<Vec<Edge>> = automaton.edges.iter().map(row).collect();
+    // The initial state comes first. Several are joined by one that has the edges of all.
+    let start = match automaton.starts[..] {
+        [only] => only,
+        _ => {
+            let starts = automaton.starts.iter();
+            let all = starts.flat_map(|&q| edges[q as usize].clone()).collect();
+            edges.push(all);
+            edges.len() as u32 - 1
+        }
+    };
+    edges.swap(0, start as usize);
+    for e in edges.iter_mut().flatten() {
+        e.target = match e.target {
+            0 => start,
+            q if q == start => 0,
+            q => q,
+        };
+    }
     let mut graph = Graph {
         marks: automaton.marks,
-        edges,
+        edges: edges.into_iter().map(unite).collect(),
     };
     graph.trim();
     graph

@@ -9,9 +9,6 @@ use crate::alphabet::{Alphabet, LetterSet, MAX_POWERSET};
 use crate::automaton::graph::{MAX_MARKS, Marks};
 use crate::automaton::limits::Limits;
 
-/// The deepest nesting of parentheses and negations in a label or an acceptance condition.
-const MAX_NESTING: usize = 200;
-
 /// An automaton as it stands in the text.
 pub(super) struct Automaton {
     pub(super) alphabet: Arc<Alphabet>,
@@ -34,18 +31,18 @@ struct Header {
 }
 
 pub(super) struct Reader<'t> {
-    lexer: Lexer<'t>,
+    pub(super) lexer: Lexer<'t>,
     given: Option<Arc<Alphabet>>,
     limits: &'t Limits,
     /// The letters of the automaton being read, once they are known.
     alphabet: Option<Arc<Alphabet>>,
     /// For each proposition of the file its letters.
-    meanings: Vec<LetterSet>,
-    nesting: usize,
+    pub(super) meanings: Vec<LetterSet>,
+    pub(super) nesting: usize,
     edges: usize,
 }
 
-type Result<T> = std::result::Result<T, HoaError>;
+pub(super) type Result<T> = std::result::Result<T, HoaError>;
 
 impl<'t> Reader<'t> {
     pub(super) fn new(
@@ -82,7 +79,7 @@ impl<'t> Reader<'t> {
         }
     }
 
-    fn inconsistent<T>(&self, what: impl Into<String>) -> Result<T> {
+    pub(super) fn inconsistent<T>(&self, what: impl Into<String>) -> Result<T> {
         Err(self.error(HoaErrorKind::Inconsistent(what.into())))
     }
 
@@ -272,7 +269,7 @@ impl<'t> Reader<'t> {
     }
 
     /// The letters; those of no proposition at all if there was no `AP:`.
-    fn alphabet(&mut self) -> Result<Arc<Alphabet>> {
+    pub(super) fn alphabet(&mut self) -> Result<Arc<Alphabet>> {
         if let Some(alphabet) = &self.alphabet {
             return Ok(alphabet.clone());
         }
@@ -368,85 +365,6 @@ impl<'t> Reader<'t> {
             }
             _ => Err(self.lexer.expected("`Inf(…)`, `t` or `(`")),
         }
-    }
-
-    fn nested<T>(&mut self, inner: impl FnOnce(&mut Self) -> Result<T>) -> Result<T> {
-        if self.nesting >= MAX_NESTING {
-            let (what, limit) = ("levels of nesting", MAX_NESTING);
-            return Err(self.error(HoaErrorKind::TooLarge { what, limit }));
-        }
-        self.nesting += 1;
-        let result = inner(self);
-        self.nesting -= 1;
-        result
-    }
-
-    /// A Boolean expression over propositions: `|` of `&` of `!`.
-    fn label(&mut self, aliases: &HashMap<String, LetterSet>) -> Result<LetterSet> {
-        let mut either = self.conjunction(aliases)?;
-        while self.lexer.accept('|')? {
-            let other = self.conjunction(aliases)?;
-            either.union_with(&other);
-        }
-        Ok(either)
-    }
-
-    fn conjunction(&mut self, aliases: &HashMap<String, LetterSet>) -> Result<LetterSet> {
-        let mut both = self.atom(aliases)?;
-        while self.lexer.accept('&')? {
-            let other = self.atom(aliases)?;
-            both.intersect_with(&other);
-        }
-        Ok(both)
-    }
-
-    fn atom(&mut self, aliases: &HashMap<String, LetterSet>) -> Result<LetterSet> {
-        let alphabet = self.alphabet()?;
-        let set = match self.lexer.token.clone() {
-            Token::Symbol('!') => {
-                self.lexer.advance()?;
-                return Ok(self.nested(|reader| reader.atom(aliases))?.complement());
-            }
-            Token::Symbol('(') => {
-                self.lexer.advance()?;
-                let set = self.nested(|reader| reader.label(aliases))?;
-                self.lexer.require(')')?;
-                return Ok(set);
-            }
-            Token::Word(word) if word == "t" => alphabet.all(),
-            Token::Word(word) if word == "f" => alphabet.none(),
-            Token::Alias(name) => match aliases.get(&name) {
-                Some(set) => set.clone(),
-                None => return self.inconsistent(format!("alias `@{name}` is not defined")),
-            },
-            Token::Number(n) => {
-                let known = usize::try_from(n).ok().and_then(|n| self.meanings.get(n));
-                match known {
-                    Some(set) => set.clone(),
-                    None => {
-                        let count = self.meanings.len();
-                        let what = format!("proposition {n} is not one of the {count} in `AP:`");
-                        return self.inconsistent(what);
-                    }
-                }
-            }
-            _ => {
-                return Err(self
-                    .lexer
-                    .expected("a label (`t`, `f`, `!`, `(`, a number or an alias)"));
-            }
-        };
-        self.lexer.advance()?;
-        Ok(set)
-    }
-
-    fn bracketed(&mut self, aliases: &HashMap<String, LetterSet>) -> Result<Option<LetterSet>> {
-        if !self.lexer.accept('[')? {
-            return Ok(None);
-        }
-        let label = self.label(aliases)?;
-        self.lexer.require(']')?;
-        Ok(Some(label))
     }
 
     /// `{0 1}`: the marks of the sets that the condition has.
@@ -568,18 +486,5 @@ impl<'t> Reader<'t> {
             return Err(self.lexer.error_at(HoaErrorKind::Inconsistent(what), start));
         }
         Ok(row)
-    }
-
-    /// The letters of valuation number `i`; proposition 0 is the lowest bit.
-    fn valuation(&mut self, i: usize) -> Result<LetterSet> {
-        let mut letters = self.alphabet()?.all();
-        for (bit, with) in self.meanings.iter().enumerate() {
-            if bit < usize::BITS as usize && i >> bit & 1 == 1 {
-                letters.intersect_with(with);
-            } else {
-                letters.subtract(with);
-            }
-        }
-        Ok(letters)
     }
 }

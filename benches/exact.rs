@@ -4,7 +4,7 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use nngtl::automaton::Task;
+use nngtl::automaton::{Limits, Task};
 use nngtl::dataset::maps::{Family, draw_map, draw_start};
 use nngtl::exact::{ExactConfig, Roadmap};
 use nngtl::ltl::Formula;
@@ -30,8 +30,9 @@ fn exact(c: &mut Criterion) {
         let roadmap = Roadmap::new(&workspace, ExactConfig::default());
         for (name, text) in MISSIONS {
             let formula: Formula = text.parse().expect("the formula is sound");
-            let task = Task::from_formula(&formula, workspace.alphabet())
-                .expect("the formula has an automaton");
+            let task =
+                Task::from_formula(&formula, workspace.alphabet().clone(), &Limits::default())
+                    .expect("the formula has an automaton");
             let plan = roadmap
                 .plan(start, &task, 0.2)
                 .expect("all regions can be reached");

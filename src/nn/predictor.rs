@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use sha2::{Digest, Sha256};
 
 use super::config::Kind;
-use super::cpu::{Planes, PlanesMut, Session, upsample};
+use super::cpu::{Planes, PlanesMut, Scratch, Session, upsample};
 use super::device::{Backend, DeviceChoice, Estimate, Fallback};
 use super::inputs::Inputs;
 use super::models::Model;
@@ -384,15 +384,13 @@ fn resized(cells: &[f32], from: usize, to: usize) -> Vec<f32> {
         height: from,
         width: from,
     };
-    upsample(
-        x,
-        PlanesMut {
-            data: &mut values,
-            channels: 1,
-            height: to,
-            width: to,
-        },
-    );
+    let y = PlanesMut {
+        data: &mut values,
+        channels: 1,
+        height: to,
+        width: to,
+    };
+    upsample(x, y, &mut Scratch::default());
     values
 }
 

@@ -9,4 +9,5 @@ pub mod plan;
 pub mod planner;
 pub mod random;
 pub mod system;
+pub mod transfer;
 pub mod workspace;

@@ -24,6 +24,8 @@ use crate::system::{Spot, TransitionSystem};
 pub use sampler::{GuidanceError, Guide, HeatmapSums, Sampler};
 pub use search::plan;
 pub use settings::{Settings, SettingsError, Stop};
+pub(crate) use sampler::{Aim, Draw, View};
+pub(crate) use suffix::SuffixTree;
 pub use tree::{NodeId, SiteId, Tree};
 
 /// A mission ready for search.

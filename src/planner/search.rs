@@ -426,9 +426,7 @@ fn grow(
     let Some(spot) = problem.system.settle(at) else {
         return false;
     };
-    let n = tree.site_count() as f64;
-    let shrinking = settings.radius * (libm::log(n + 1.0) / n).sqrt();
-    let radius = shrinking.min(settings.max_radius) * side;
+    let radius = settings.near_radius(tree.site_count(), side);
     tree.extend(spot, radius, &[anchor]).is_some()
 }
 

@@ -1,0 +1,18 @@
+//! Transfer planning: skills that are learned once and reused (`transfer-planning.md`).
+
+mod build;
+mod library;
+mod matching;
+mod optimum;
+mod places;
+mod skill;
+mod subtasks;
+
+pub use build::{BuildProgress, BuildSampler, BuildSettings, Built, build};
+pub use library::{
+    Anchor, Dropped, Library, LibraryError, LibraryFile, Loaded, Offer, StoredSkill,
+};
+pub use optimum::optimum;
+pub use places::{PlaceId, Places};
+pub use skill::{Skill, SkillError};
+pub use subtasks::{Endpoint, Equivalence, Position, Subtask, SubtaskGraph};

@@ -431,7 +431,8 @@ impl<'a> Tree<'a> {
     /// robot moving. Runs until nothing gets cheaper.
     pub(crate) fn settle_states(&mut self, site: SiteId) {
         let letter = self.site_spot(site).letter;
-        let mut open: SmallVec<[NodeId; 8]> = self.sites[site.0 as usize].nodes
+        let mut open: SmallVec<[NodeId; 8]> = self.sites[site.0 as usize]
+            .nodes
             .iter()
             .map(|&(_, n)| n)
             .collect();

@@ -122,7 +122,11 @@ impl Matching {
             (false, false) => {
                 let before = self.entries.len();
                 for &used in shelf.between(from.place, to.place) {
-                    if shelf.skill(used).letters().is_subset(&labels[state.index()]) {
+                    if shelf
+                        .skill(used)
+                        .letters()
+                        .is_subset(&labels[state.index()])
+                    {
                         let run = Run::Constant(state);
                         self.push(from.place, subtask.from.state, used, run, to.place);
                     }
@@ -161,8 +165,7 @@ fn continues(labels: &[LetterSet], shelf: &Shelf<'_>, from: Position, subtask: &
     let fits = |used: &Use| {
         let skill = shelf.skill(*used);
         let points = skill.path().len();
-        points >= 3
-            && (2..points - 1).all(|i| label.contains(skill.spot(i, used.backward).letter))
+        points >= 3 && (2..points - 1).all(|i| label.contains(skill.spot(i, used.backward).letter))
     };
     let uses = shelf.between(from.place, subtask.to.position.place);
     uses.iter().any(fits)

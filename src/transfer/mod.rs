@@ -1,10 +1,13 @@
 //! Transfer planning: skills that are learned once and reused (`transfer-planning.md`).
 
 mod build;
+mod goals;
 mod library;
 mod matching;
 mod optimum;
 mod places;
+mod plan;
+mod reuse;
 mod skill;
 mod subtasks;
 
@@ -14,5 +17,6 @@ pub use library::{
 };
 pub use optimum::optimum;
 pub use places::{PlaceId, Places};
+pub use plan::{Reused, Transferred, transfer};
 pub use skill::{Skill, SkillError};
 pub use subtasks::{Endpoint, Equivalence, Position, Subtask, SubtaskGraph};

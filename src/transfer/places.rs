@@ -44,7 +44,9 @@ impl Places {
             let region = !system.alphabet().props(letter).is_empty();
             let landmarks = system.landmarks(letter).iter().filter(|_| region);
             let before = places.spots.len();
-            places.spots.extend(landmarks.map(|l| Spot { at: l.at, letter }));
+            places
+                .spots
+                .extend(landmarks.map(|l| Spot { at: l.at, letter }));
             places.counts.push((places.spots.len() - before) as u32);
         }
         places

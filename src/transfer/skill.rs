@@ -26,7 +26,9 @@ pub enum SkillError {
         y: f64,
     },
     /// A point where another letter holds than when the path was learned.
-    #[error("at point {index} ({x}, {y}) the robot now sees {found}, the skill was learned with {expected}")]
+    #[error(
+        "at point {index} ({x}, {y}) the robot now sees {found}, the skill was learned with {expected}"
+    )]
     Letter {
         /// Its number, from 0.
         index: usize,

@@ -304,7 +304,6 @@ impl Library {
             skills: self.skills.iter().map(stored).collect(),
         }
     }
-
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -1,9 +1,16 @@
 //! The result of planning, as it stands in `plan.json`.
 
+mod file;
+
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 
 use crate::automaton::StateId;
+
+pub use file::{
+    First, MAX_PLAN_BYTES, PLAN_VERSION, PlanFile, PlanFileError, PlanPoint, PlanStats,
+    StageSeconds, write_atomically,
+};
 
 /// A point of a plan and the automaton state the robot is in when it gets there.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,5 +59,9 @@ pub struct Path {
 /// The length of a polyline through `points`, in map units.
 #[must_use]
 pub fn length(points: &[Waypoint]) -> f64 {
-    points.windows(2).map(|w| (w[1].at - w[0].at).norm()).sum()
+    // Summed from 0.0: the empty sum of floats is −0.0.
+    points
+        .windows(2)
+        .map(|w| (w[1].at - w[0].at).norm())
+        .fold(0.0, |sum, leg| sum + leg)
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::scc;
 use crate::alphabet::{Alphabet, Letter, LetterSet};
 
 /// The number of a state of an [`Nba`].
@@ -93,5 +94,64 @@ impl Nba {
     #[must_use]
     pub fn edge_count(&self) -> usize {
         self.transitions.iter().map(Vec::len).sum()
+    }
+
+    /// The same language without useless states: those that cannot be reached or from which no word
+    /// is accepted, and transitions without letters. States keep their order; acceptance of a state
+    /// on no cycle is kept as it is. Without states if no word is accepted.
+    #[must_use]
+    pub fn trimmed(&self) -> Self {
+        let n = self.len();
+        let targets = |q: usize| {
+            let real = self.transitions[q].iter().filter(|t| !t.guard.is_empty());
+            real.map(|t| t.target.index())
+        };
+        let of = scc::components(n, targets);
+        let mut useful = vec![false; n];
+        for q in 0..n {
+            useful[q] = self.accepting[q] && targets(q).any(|t| of[t] == of[q]);
+        }
+        // Backwards from feasible accepting states, forwards from initial ones.
+        let mut before: Vec<Vec<usize>> = vec![Vec::new(); n];
+        (0..n).for_each(|q| targets(q).for_each(|t| before[t].push(q)));
+        close(&mut useful, |q| before[q].clone());
+        let mut reached = vec![false; n];
+        for q in &self.initial {
+            reached[q.index()] = true;
+        }
+        close(&mut reached, |q| targets(q).collect());
+        let kept: Vec<usize> = (0..n).filter(|&q| useful[q] && reached[q]).collect();
+        let number = |q: StateId| {
+            kept.binary_search(&q.index())
+                .ok()
+                .map(|i| StateId(i as u32))
+        };
+        let row = |q: &usize| {
+            let renumbered = self.transitions[*q].iter().filter_map(|t| {
+                Some(Transition {
+                    target: number(t.target)?,
+                    guard: t.guard.clone(),
+                })
+            });
+            renumbered.filter(|t| !t.guard.is_empty()).collect()
+        };
+        Self {
+            alphabet: self.alphabet.clone(),
+            initial: self.initial.iter().filter_map(|&q| number(q)).collect(),
+            accepting: kept.iter().map(|&q| self.accepting[q]).collect(),
+            transitions: kept.iter().map(row).collect(),
+        }
+    }
+}
+
+/// Adds to a set all that `next` leads to, again and again.
+fn close(set: &mut [bool], next: impl Fn(usize) -> Vec<usize>) {
+    let mut todo: Vec<usize> = (0..set.len()).filter(|&q| set[q]).collect();
+    while let Some(q) = todo.pop() {
+        for t in next(q) {
+            if !std::mem::replace(&mut set[t], true) {
+                todo.push(t);
+            }
+        }
     }
 }

@@ -1,6 +1,10 @@
 //! What planning asks of an automaton.
 
-use super::{Nba, StateId};
+use std::sync::Arc;
+
+use super::translate::is_satisfiable;
+use super::{Limits, Nba, StateId, TranslateError, translate};
+use crate::alphabet::Alphabet;
 use crate::ltl::Formula;
 
 /// Shortest step counts between automaton states: ρ of the paper (`nngtl.md`, III-B).
@@ -85,5 +89,76 @@ impl Task {
             distances,
             feasible,
         }
+    }
+}
+
+/// Why no [`Task`] could be made. The outcomes are distinct: the first two are facts about the
+/// mission, the others are not.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TaskError {
+    /// No word at all satisfies the formula.
+    #[error("the formula is unsatisfiable: no sequence of letters whatever satisfies it")]
+    Unsatisfiable,
+    /// Some words satisfy the formula, but none over the letters that occur.
+    #[error(
+        "the formula is satisfiable, but not with the letters of this map: it needs regions to hold together, or apart, as they never do here (there are {letters} letters)"
+    )]
+    NotWithTheseLetters {
+        /// How many letters occur.
+        letters: usize,
+    },
+    /// No word over the letters that occur satisfies the formula; it has too many propositions to
+    /// tell whether words over other letters do.
+    #[error("no word over the {letters} letters of this map satisfies the formula")]
+    NoWord {
+        /// How many letters occur.
+        letters: usize,
+    },
+    /// The automaton that was given accepts no word over the letters that occur.
+    #[error("the automaton accepts no word over the {letters} letters of this map")]
+    EmptyAutomaton {
+        /// How many letters occur.
+        letters: usize,
+    },
+    /// The formula could not be translated.
+    #[error(transparent)]
+    Translate(#[from] TranslateError),
+}
+
+impl Task {
+    /// Translates a formula and prepares it for planning.
+    ///
+    /// # Errors
+    /// [`TaskError::Unsatisfiable`] or [`TaskError::NotWithTheseLetters`] if no word over the letters
+    /// satisfies the formula, else what [`translate`] says.
+    pub fn from_formula(
+        formula: &Formula,
+        alphabet: Arc<Alphabet>,
+        limits: &Limits,
+    ) -> Result<Self, TaskError> {
+        let letters = alphabet.len();
+        let nba = translate(formula, alphabet, limits)?;
+        if !nba.is_empty() {
+            return Ok(Self::from_trimmed(nba, Some(formula.clone())));
+        }
+        match is_satisfiable(formula, limits)? {
+            Some(true) => Err(TaskError::NotWithTheseLetters { letters }),
+            Some(false) => Err(TaskError::Unsatisfiable),
+            None => Err(TaskError::NoWord { letters }),
+        }
+    }
+
+    /// Prepares an automaton that was not made from a formula, after removing its useless states.
+    ///
+    /// # Errors
+    /// [`TaskError::EmptyAutomaton`] if it accepts no word.
+    pub fn from_nba(nba: Nba) -> Result<Self, TaskError> {
+        let letters = nba.alphabet.len();
+        let nba = nba.trimmed();
+        if nba.is_empty() {
+            return Err(TaskError::EmptyAutomaton { letters });
+        }
+        Ok(Self::from_trimmed(nba, None))
     }
 }

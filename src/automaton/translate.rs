@@ -1,0 +1,184 @@
+//! From a formula to a small Büchi automaton.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::buchi::Buchi;
+use super::degeneralize::degeneralize;
+use super::graph::Graph;
+use super::limits::{Limits, Watch};
+use super::normal::Lowered;
+use super::{Nba, StateId, Transition, simulation, tableau};
+use crate::alphabet::{Alphabet, MAX_POWERSET, Props};
+use crate::ltl::{Formula, MAX_DEPTH};
+
+/// Why a formula could not be translated.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TranslateError {
+    /// A proposition that the alphabet does not have.
+    #[error(
+        "proposition `{name}` of the formula is not one of the alphabet's: add it, or correct its name"
+    )]
+    UnknownProposition {
+        /// Its name.
+        name: String,
+    },
+    /// The formula is nested too deeply.
+    #[error("the formula is {found} levels deep, at most {limit} are supported: split it")]
+    TooDeep {
+        /// Its depth.
+        found: usize,
+        /// [`MAX_DEPTH`].
+        limit: usize,
+    },
+    /// [`Limits::states`] was hit.
+    #[error(
+        "the automaton needs more than {limit} states on the way: simplify the formula, or raise the limit on states"
+    )]
+    States {
+        /// The limit.
+        limit: usize,
+    },
+    /// [`Limits::transitions`] was hit.
+    #[error(
+        "the automaton needs more than {limit} transitions on the way: simplify the formula, or raise the limit on transitions"
+    )]
+    Transitions {
+        /// The limit.
+        limit: usize,
+    },
+    /// [`Limits::time`] was hit.
+    #[error(
+        "translation took longer than {limit:?}: simplify the formula, or raise the limit on time"
+    )]
+    Time {
+        /// The limit.
+        limit: Duration,
+    },
+    /// The formula waits for too many different things.
+    #[error(
+        "the formula has more than {limit} different eventualities (F, U, M), which is not supported: split it"
+    )]
+    Eventualities {
+        /// How many are supported.
+        limit: usize,
+    },
+}
+
+/// Translates a formula to an automaton over the letters of `alphabet`.
+///
+/// The automaton accepts a word over these letters if and only if the word satisfies the formula.
+/// Every state is useful: it can be reached, and from it some word is accepted; without states nothing
+/// is accepted. There is one initial state, number 0, and states are numbered breadth-first. Equal
+/// input gives the equal automaton.
+///
+/// Propositions of the alphabet that the formula does not use are free.
+///
+/// # Errors
+/// A proposition that the alphabet lacks, or a limit that was hit.
+///
+/// ```
+/// use std::sync::Arc;
+/// use nngtl::alphabet::Alphabet;
+/// use nngtl::automaton::{Limits, translate};
+/// let alphabet = Arc::new(Alphabet::disjoint(vec!["a".into(), "b".into()])?);
+/// let nba = translate(&"!a U b".parse()?, alphabet, &Limits::default())?;
+/// assert_eq!((nba.len(), nba.edge_count()), (2, 3));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn translate(
+    formula: &Formula,
+    alphabet: Arc<Alphabet>,
+    limits: &Limits,
+) -> Result<Nba, TranslateError> {
+    let depth = formula.depth();
+    if depth > MAX_DEPTH {
+        return Err(TranslateError::TooDeep {
+            found: depth,
+            limit: MAX_DEPTH,
+        });
+    }
+    let watch = Watch::new(limits);
+    let mut lowered = Lowered::new(formula, &alphabet)
+        .map_err(|name| TranslateError::UnknownProposition { name })?;
+    let buchi = small(&mut lowered, &watch)?;
+    Ok(finish(buchi, &lowered, alphabet))
+}
+
+/// Whether some word over any letters at all satisfies the formula; `None` if that was not found out.
+pub(super) fn is_satisfiable(
+    formula: &Formula,
+    limits: &Limits,
+) -> Result<Option<bool>, TranslateError> {
+    let names: Vec<String> = formula
+        .propositions()
+        .into_iter()
+        .map(str::to_owned)
+        .collect();
+    let n = names.len();
+    let complete = n <= MAX_POWERSET;
+    // With too many propositions for all combinations, letters in which at most two hold, or all but
+    // at most two, may still give an example.
+    let alphabet = if complete {
+        Alphabet::powerset(names)
+    } else {
+        let pairs = (0..n).flat_map(|i| (0..n).map(move |j| Props::single(i).with(j)));
+        let all = Props((0..n).fold(0, |all, i| all | Props::single(i).0));
+        let sparse = pairs.chain([Props::EMPTY]);
+        let letters = sparse.flat_map(|p| [p, Props(all.0 & !p.0)]);
+        Alphabet::new(names, letters.collect::<Vec<_>>())
+    };
+    // More propositions than an alphabet can hold are not those of one.
+    let Ok(alphabet) = alphabet else {
+        return Ok(None);
+    };
+    let watch = Watch::new(limits);
+    let mut lowered = Lowered::new(formula, &alphabet)
+        .map_err(|name| TranslateError::UnknownProposition { name })?;
+    let graph = tableau::build(&mut lowered.arena, lowered.formula, &watch)?;
+    Ok((complete || graph.len() > 0).then_some(graph.len() > 0))
+}
+
+fn small(lowered: &mut Lowered, watch: &Watch<'_>) -> Result<Buchi, TranslateError> {
+    let mut graph = tableau::build(&mut lowered.arena, lowered.formula, watch)?;
+    reduce(&mut graph);
+    watch.tick()?;
+    let order: Vec<u32> = (0..graph.marks).collect();
+    let mut best = degeneralize(&graph, &order, watch)?;
+    best.reduce();
+    Ok(best)
+}
+
+fn reduce(graph: &mut Graph) {
+    loop {
+        let before = (graph.len(), graph.edge_count());
+        graph.tidy_marks();
+        graph.trim();
+        if graph.len() < 2 {
+            return;
+        }
+        simulation::reduce(graph, &mut vec![0; graph.len()]);
+        if (graph.len(), graph.edge_count()) == before {
+            return;
+        }
+    }
+}
+
+/// Back to the alphabet's letters.
+fn finish(buchi: Buchi, lowered: &Lowered, alphabet: Arc<Alphabet>) -> Nba {
+    let transitions = buchi.edges.iter().map(|row| {
+        row.iter()
+            .map(|(target, guard)| Transition {
+                target: StateId(*target),
+                guard: lowered.expand(guard, &alphabet),
+            })
+            .collect()
+    });
+    Nba {
+        initial: (0..buchi.len().min(1) as u32).map(StateId).collect(),
+        transitions: transitions.collect(),
+        accepting: buchi.accepting,
+        alphabet,
+    }
+}

@@ -1,0 +1,330 @@
+//! What can be typed.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::nn::DeviceChoice;
+use crate::planner::Settings;
+
+/// Plans robot missions given in temporal logic, guided by neural networks.
+///
+/// A mission is a formula over the named regions of a map, as in "[]<> dock && (!dock U load)". The
+/// plan is a path that is walked once and a loop that is walked for ever, checked leg by leg
+/// against the map and the formula before it is returned.
+#[derive(Debug, Parser)]
+#[command(
+    name = "nngtl",
+    version,
+    max_term_width = 100,
+    subcommand_required = true,
+    arg_required_else_help = true,
+    after_help = "Exit codes: 0 done; 1 no plan found, or a plan refused; 2 bad input.\n\nExample:\n  nngtl plan scenarios/case-study.toml --svg plan.svg"
+)]
+pub(super) struct Cli {
+    #[command(flatten)]
+    pub(super) global: Global,
+    #[command(subcommand)]
+    pub(super) command: Command,
+}
+
+/// Options of every command.
+#[derive(Args, Clone, Debug)]
+pub(super) struct Global {
+    /// Say nothing but results and errors
+    #[arg(long, short, global = true)]
+    pub(super) quiet: bool,
+    /// When to use colours
+    #[arg(long, global = true, value_enum, default_value_t, value_name = "WHEN")]
+    pub(super) color: Color,
+    /// Print the result as one JSON object with a `version` field
+    #[arg(long, global = true)]
+    pub(super) json: bool,
+}
+
+/// When to use colours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum Color {
+    /// On a terminal, unless NO_COLOR is set
+    #[default]
+    Auto,
+    /// Always
+    Always,
+    /// Never
+    Never,
+}
+
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    Plan(PlanArgs),
+    Verify(VerifyArgs),
+    Translate(TranslateArgs),
+    Heatmap(HeatmapArgs),
+    Devices(DevicesArgs),
+    #[command(subcommand)]
+    Model(ModelCommand),
+    #[command(subcommand)]
+    Dataset(DatasetCommand),
+}
+
+/// Plan a mission
+///
+/// Reads a scenario, searches for a plan of least cost until the budget ends, checks the plan, and
+/// writes it and pictures of it where asked. Ctrl-C ends the search with the best plan so far.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  nngtl plan scenarios/case-study.toml --out plan.json --svg plan.svg\n  nngtl plan scenarios/patrol.toml --sampler biased --first --seed 7\n  nngtl plan scenarios/many.jsonl --pick shuttle --time-limit 2 --json"
+)]
+pub(super) struct PlanArgs {
+    #[command(flatten)]
+    pub(super) mission: MissionArgs,
+    #[command(flatten)]
+    pub(super) network: NetworkArgs,
+    /// Where to look next
+    #[arg(long, value_enum, default_value_t, value_name = "NAME")]
+    pub(super) sampler: SamplerName,
+    /// Plan for this automaton (HOA) instead of the scenario's formula
+    #[arg(long, value_name = "FILE.hoa", conflicts_with = "task")]
+    pub(super) automaton: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) search: SearchArgs,
+    /// Write the plan to this file
+    #[arg(long, value_name = "FILE.json")]
+    pub(super) out: Option<PathBuf>,
+    /// Draw map and plan as SVG
+    #[arg(long, value_name = "FILE.svg")]
+    pub(super) svg: Option<PathBuf>,
+    /// Draw map and plan as PNG
+    #[arg(long, value_name = "FILE.png")]
+    pub(super) png: Option<PathBuf>,
+    /// Write the heatmap, as PNG or as NumPy array (.npy)
+    #[arg(long, value_name = "FILE")]
+    pub(super) heatmap: Option<PathBuf>,
+    /// Draw the search trees, too
+    #[arg(long)]
+    pub(super) tree: bool,
+}
+
+/// Which mission.
+#[derive(Args, Clone, Debug)]
+pub(super) struct MissionArgs {
+    /// The scenario: .toml, .json, or .jsonl (see --pick)
+    #[arg(value_name = "SCENARIO")]
+    pub(super) scenario: PathBuf,
+    /// Which scenario of a .jsonl file: its name, or the number of its line
+    #[arg(long, value_name = "NAME|LINE")]
+    pub(super) pick: Option<String>,
+    /// Another mission for this map
+    #[arg(long, value_name = "FORMULA")]
+    pub(super) task: Option<String>,
+    /// Another weight of the prefix in the cost, from 0 to 1
+    #[arg(long, value_name = "LAMBDA")]
+    pub(super) weight: Option<f64>,
+}
+
+/// Which networks, where.
+#[derive(Args, Debug)]
+pub(super) struct NetworkArgs {
+    /// What runs the networks
+    #[arg(long, value_enum, default_value_t, value_name = "NAME")]
+    pub(super) device: DeviceName,
+    /// The folder of the weights (pathnet.safetensors, statenet.safetensors) instead of the
+    /// built-in ones
+    #[arg(long, value_name = "DIR")]
+    pub(super) model: Option<PathBuf>,
+}
+
+/// Budget and parameters of the search; the defaults are the papers' values.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Search")]
+pub(super) struct SearchArgs {
+    /// Seed of every random choice
+    #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
+    pub(super) seed: u64,
+    /// Samples to draw at most
+    #[arg(long, value_name = "N", default_value_t = Settings::default().iterations)]
+    pub(super) iterations: u64,
+    /// Seconds to search at most; the result then depends on the machine
+    #[arg(long, value_name = "S")]
+    pub(super) time_limit: Option<f64>,
+    /// Stop at the first feasible plan
+    #[arg(long)]
+    pub(super) first: bool,
+    /// Factor of the near radius, relative to the map's side
+    #[arg(long, value_name = "R", default_value_t = Settings::default().radius)]
+    pub(super) radius: f64,
+    /// Largest near radius, relative to the map's side
+    #[arg(long, value_name = "R", default_value_t = Settings::default().max_radius)]
+    pub(super) max_radius: f64,
+    /// Longest new edge, relative to the map's side [default: as drawn]
+    #[arg(long, value_name = "R")]
+    pub(super) range: Option<f64>,
+    /// Probability to extend from the nodes closest to acceptance
+    #[arg(long, value_name = "P", default_value_t = Settings::default().p_closest)]
+    pub(super) p_closest: f64,
+    /// Probability to draw towards the target instead of uniformly
+    #[arg(long, value_name = "P", default_value_t = Settings::default().y_rand)]
+    pub(super) y_rand: f64,
+    /// Standard deviation of the drawn distance, relative to the map's side
+    #[arg(long, value_name = "R", default_value_t = Settings::default().distance_deviation)]
+    pub(super) distance_deviation: f64,
+    /// Standard deviation of the drawn angle, in radians
+    #[arg(long, value_name = "RAD", default_value_t = Settings::default().angle_deviation)]
+    pub(super) angle_deviation: f64,
+    /// Probability that a choice follows the predicted states
+    #[arg(long, value_name = "P", default_value_t = Settings::default().alpha)]
+    pub(super) alpha: f64,
+}
+
+/// Where to look next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum SamplerName {
+    /// Guided if the networks fit the mission, else biased
+    #[default]
+    Auto,
+    /// Uniformly over the free space
+    Uniform,
+    /// Towards what the automaton needs next
+    Biased,
+    /// As the networks predict
+    Guided,
+    /// No sampling: an exact search over the map's corners
+    Exact,
+}
+
+/// What runs the networks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum DeviceName {
+    /// GPU or CPU, whichever is done sooner
+    #[default]
+    Auto,
+    /// A hardware GPU
+    Gpu,
+    /// A software adapter (for tests)
+    Software,
+    /// The CPU
+    Cpu,
+}
+
+impl From<DeviceName> for DeviceChoice {
+    fn from(name: DeviceName) -> Self {
+        match name {
+            DeviceName::Auto => Self::Auto,
+            DeviceName::Gpu => Self::Gpu,
+            DeviceName::Software => Self::Software,
+            DeviceName::Cpu => Self::Cpu,
+        }
+    }
+}
+
+/// Check a plan
+///
+/// Follows every leg, collects what the robot sees, and evaluates the mission on it, independently
+/// of any planner. Exit code 0 if the plan is good, 1 with the reason if not.
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  nngtl verify scenarios/case-study.toml plan.json")]
+pub(super) struct VerifyArgs {
+    #[command(flatten)]
+    pub(super) mission: MissionArgs,
+    /// The plan; `version`, `prefix` and `suffix` are enough
+    #[arg(value_name = "PLAN.json")]
+    pub(super) plan: PathBuf,
+    /// Check against this automaton (HOA) instead of the scenario's formula
+    #[arg(long, value_name = "FILE.hoa", conflicts_with = "task")]
+    pub(super) automaton: Option<PathBuf>,
+}
+
+/// Translate a formula to a Büchi automaton
+///
+/// Without a map, the letters are all combinations of the formula's propositions; with one, only
+/// those that occur on it.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  nngtl translate '[]<> a && (!a U b)'\n  nngtl translate 'G(load -> F unload)' --format dot | dot -Tsvg > automaton.svg"
+)]
+pub(super) struct TranslateArgs {
+    /// The formula, in the syntax of Spot or SPIN
+    #[arg(value_name = "FORMULA")]
+    pub(super) formula: String,
+    /// How to print the automaton
+    #[arg(long, value_enum, default_value_t, value_name = "NAME")]
+    pub(super) format: AutomatonFormat,
+    /// Use the letters of this scenario's map
+    #[arg(long, value_name = "FILE")]
+    pub(super) scenario: Option<PathBuf>,
+    /// Which scenario of a .jsonl file: its name, or the number of its line
+    #[arg(long, value_name = "NAME|LINE", requires = "scenario")]
+    pub(super) pick: Option<String>,
+}
+
+/// How to print an automaton.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum AutomatonFormat {
+    /// A table to read
+    #[default]
+    Text,
+    /// The Hanoi omega-automata format
+    Hoa,
+    /// Graphviz
+    Dot,
+}
+
+/// Run the networks alone
+///
+/// Writes the heatmap and prints the state probabilities and where the time went.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  nngtl heatmap scenarios/case-study.toml --out heat.png\n  nngtl heatmap scenarios/case-study.toml --out heat.npy --device software"
+)]
+pub(super) struct HeatmapArgs {
+    #[command(flatten)]
+    pub(super) mission: MissionArgs,
+    #[command(flatten)]
+    pub(super) network: NetworkArgs,
+    /// Where to write the heatmap: .png for a picture, .npy for the numbers
+    #[arg(long, value_name = "FILE")]
+    pub(super) out: PathBuf,
+}
+
+/// List the devices that can run the networks
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  nngtl devices")]
+pub(super) struct DevicesArgs {}
+
+/// Look at weight files
+#[derive(Debug, Subcommand)]
+pub(super) enum ModelCommand {
+    /// Show a weight file: configuration, tensors, size, training record
+    #[command(after_help = "Example:\n  nngtl model show models/pathnet.safetensors")]
+    Show {
+        /// The weight file, or a folder of two
+        #[arg(value_name = "FILE")]
+        file: PathBuf,
+    },
+}
+
+/// Make training data
+#[derive(Debug, Subcommand)]
+pub(super) enum DatasetCommand {
+    Generate(GenerateArgs),
+}
+
+/// Generate random scenarios with expert plans
+///
+/// Writes shards that can be resumed after an interruption and depend on the seed alone.
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  nngtl dataset generate --out data --count 1000 --seed 1")]
+pub(super) struct GenerateArgs {
+    /// The folder to write to; what is already there is kept and completed
+    #[arg(long, value_name = "DIR")]
+    pub(super) out: PathBuf,
+    /// How many scenarios
+    #[arg(long, value_name = "N", default_value_t = 1000)]
+    pub(super) count: u64,
+    /// Seed of every random choice
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Threads to use, 0 for one per core
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) threads: usize,
+}

@@ -1,0 +1,120 @@
+//! How a command ends badly.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use crate::automaton::TaskError;
+use crate::mission::MissionError;
+use crate::plan::PlanFileError;
+use crate::planner::PlanError;
+use crate::scenario::ScenarioError;
+
+/// The version of everything that `--json` prints.
+pub(super) const JSON_VERSION: u32 = 1;
+
+/// Why a command ends with another code than 0.
+#[derive(Debug)]
+pub(super) struct Failure {
+    /// 1: no plan found or a plan refused. 2: bad input.
+    pub(super) code: u8,
+    /// What the JSON object calls it.
+    pub(super) outcome: &'static str,
+    /// One sentence.
+    pub(super) message: String,
+    /// Lines of the input with a caret.
+    pub(super) snippet: Option<String>,
+    /// More fields of the JSON object.
+    pub(super) details: Value,
+}
+
+impl Failure {
+    /// Bad input: code 2.
+    pub(super) fn input(message: impl Into<String>) -> Self {
+        Self {
+            code: 2,
+            outcome: "bad-input",
+            message: message.into(),
+            snippet: None,
+            details: json!({}),
+        }
+    }
+
+    /// Nothing found, or something refused: code 1.
+    pub(super) fn negative(outcome: &'static str, message: impl Into<String>) -> Self {
+        Self {
+            code: 1,
+            outcome,
+            message: message.into(),
+            snippet: None,
+            details: json!({}),
+        }
+    }
+
+    pub(super) fn with_details(mut self, details: Value) -> Self {
+        self.details = details;
+        self
+    }
+
+    pub(super) fn with_snippet(mut self, snippet: Option<String>) -> Self {
+        self.snippet = snippet;
+        self
+    }
+
+    /// A file that could not be written.
+    pub(super) fn write(path: &Path, error: &std::io::Error) -> Self {
+        Self::input(format!("{}: cannot write: {error}", path.display()))
+    }
+
+    /// The JSON object that tells it.
+    pub(super) fn to_json(&self) -> Value {
+        let mut object = json!({
+            "version": JSON_VERSION,
+            "outcome": self.outcome,
+            "message": self.message,
+        });
+        if let (Some(object), Some(details)) = (object.as_object_mut(), self.details.as_object()) {
+            object.extend(details.clone());
+        }
+        object
+    }
+}
+
+impl From<ScenarioError> for Failure {
+    fn from(e: ScenarioError) -> Self {
+        let details = match e.position() {
+            Some((line, column)) => json!({ "line": line, "column": column }),
+            None => json!({}),
+        };
+        Self::input(e.to_string())
+            .with_snippet(e.snippet())
+            .with_details(details)
+    }
+}
+
+impl From<PlanFileError> for Failure {
+    fn from(e: PlanFileError) -> Self {
+        Self::input(e.to_string())
+    }
+}
+
+impl From<std::io::Error> for Failure {
+    fn from(e: std::io::Error) -> Self {
+        Self::input(format!("cannot write the result: {e}"))
+    }
+}
+
+impl From<MissionError> for Failure {
+    fn from(e: MissionError) -> Self {
+        match e {
+            MissionError::Exact(_) | MissionError::Plan(PlanError::Unreachable(_)) => {
+                Self::negative("unreachable", e.to_string())
+            }
+            MissionError::Plan(PlanError::NotFound(_)) => Self::negative("not-found", e.to_string()),
+            MissionError::Task(TaskError::Translate(_)) => Self::input(e.to_string()),
+            MissionError::Task(_) => Self::negative("unsatisfiable", e.to_string()),
+            MissionError::Refused(_) => Self::negative("refused", e.to_string()),
+            _ => Self::input(e.to_string()),
+        }
+    }
+}

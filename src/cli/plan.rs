@@ -1,0 +1,285 @@
+//! `nngtl plan`.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::time::Instant;
+
+use serde_json::json;
+
+use super::args::{PlanArgs, SamplerName};
+use super::console::{Console, seconds};
+use super::failure::{Failure, JSON_VERSION};
+use super::files;
+use crate::automaton::Task;
+use crate::mission::{self, MissionError, Options, Planned, SamplerChoice};
+use crate::planner::{EndReason, NotFound, PlanError, Progress, Settings, Stop};
+use crate::render::Picture;
+use crate::scenario::Scenario;
+
+/// Pixels of a PNG for each pixel of the SVG.
+const PNG_SCALE: f64 = 1.5;
+
+pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
+    let began = Instant::now();
+    let outputs = [&args.out, &args.svg, &args.png, &args.heatmap];
+    files::check_folders(outputs.into_iter().flatten().map(|p| p.as_path()))?;
+    if let Some(heatmap) = &args.heatmap {
+        files::heatmap_format(heatmap)?;
+    }
+    let mut mission_args = args.mission.clone();
+    if args.automaton.is_some() {
+        // The automaton takes the formula's place; the scenario need not have one.
+        mission_args.task = Some("true".to_owned());
+    }
+    let scenario = files::scenario(&mission_args, console)?;
+    let translated = Instant::now();
+    let task = match &args.automaton {
+        Some(file) => Task::from_nba(files::automaton(file, &scenario)?).map_err(MissionError::from)?,
+        None => mission::task(&scenario)?,
+    };
+    let translate = translated.elapsed().as_secs_f64();
+
+    let options = options(args);
+    let mut planned = search(&scenario, task, &options, console)?;
+    if let Some(stats) = &mut planned.file.stats {
+        stats.seconds.translate = translate;
+        stats.seconds.total = began.elapsed().as_secs_f64();
+    }
+    for notice in &planned.notices {
+        console.warn(notice);
+    }
+    write_files(args, &scenario, &planned, console)?;
+    let text = if console.json() {
+        to_json(args, &scenario, &planned)
+    } else {
+        describe(&scenario, &planned)
+    };
+    Ok(console.result(&text)?)
+}
+
+fn options(args: &PlanArgs) -> Options {
+    let search = &args.search;
+    Options {
+        sampler: match args.sampler {
+            SamplerName::Auto => SamplerChoice::Auto,
+            SamplerName::Uniform => SamplerChoice::Uniform,
+            SamplerName::Biased => SamplerChoice::Biased,
+            SamplerName::Guided => SamplerChoice::Guided,
+            SamplerName::Exact => SamplerChoice::Exact,
+        },
+        device: args.network.device.into(),
+        model: args.network.model.clone(),
+        settings: Settings {
+            seed: search.seed,
+            iterations: search.iterations,
+            time_limit: search.time_limit,
+            first: search.first,
+            radius: search.radius,
+            max_radius: search.max_radius,
+            range: search.range,
+            p_closest: search.p_closest,
+            y_rand: search.y_rand,
+            distance_deviation: search.distance_deviation,
+            angle_deviation: search.angle_deviation,
+            alpha: search.alpha,
+        },
+    }
+}
+
+/// Plans with a progress bar; Ctrl-C ends the search with the best plan so far.
+fn search(
+    scenario: &Scenario,
+    task: Task,
+    options: &Options,
+    console: &Console,
+) -> Result<Planned, Failure> {
+    let stop = Stop::new();
+    let raised = stop.clone();
+    // Fails only if a handler is there already; then Ctrl-C ends the program as usual.
+    let _ = ctrlc::set_handler(move || {
+        if raised.is_raised() {
+            std::process::exit(130);
+        }
+        raised.raise();
+    });
+    let bar = console.progress(options.settings.iterations, "planning");
+    let alphabet = scenario.workspace.alphabet();
+    let planned = mission::plan_task(scenario, task, options, &stop, &mut |p: Progress| {
+        bar.set_position(p.iterations);
+        match p.cost {
+            Some(cost) => bar.set_message(format!("best cost {cost:.4}")),
+            None => bar.set_message(format!("no plan yet, {} nodes", p.nodes)),
+        }
+    });
+    bar.finish_and_clear();
+    if stop.is_raised() {
+        console.note("interrupted: this is the best so far");
+    }
+    planned.map_err(|e| match e {
+        MissionError::Plan(PlanError::NotFound(found)) => {
+            let missing: Vec<String> = found.missing.iter().map(|l| alphabet.show(l)).collect();
+            not_found(scenario, &found, &missing)
+        }
+        other => Failure::from(other),
+    })
+}
+
+fn not_found(scenario: &Scenario, found: &NotFound, missing: &[String]) -> Failure {
+    let ended = match found.reason {
+        EndReason::First | EndReason::Iterations => {
+            format!("within {} iterations", found.stats.iterations)
+        }
+        EndReason::Time => format!("within {}", seconds(found.stats.seconds)),
+        EndReason::Stopped => format!("before the interruption after {} iterations", found.stats.iterations),
+    };
+    let mut message = format!("{}: no plan found {ended}", scenario.name);
+    if found.stats.goals > 0 {
+        let _ = write!(
+            message,
+            "; {} ways to an accepting state were found, but no loop from there",
+            found.stats.goals
+        );
+    } else if !missing.is_empty() {
+        let _ = write!(
+            message,
+            "; the search came within {} automaton steps of acceptance and could not reach {}",
+            found.steps_left,
+            missing.join(" or ")
+        );
+    }
+    message.push_str("; give it more --iterations, or another --sampler");
+    Failure::negative("not-found", message).with_details(json!({
+        "scenario": scenario.name,
+        "stats": found.stats,
+        "steps_left": found.steps_left,
+        "missing": missing,
+    }))
+}
+
+fn write_files(
+    args: &PlanArgs,
+    scenario: &Scenario,
+    planned: &Planned,
+    console: &Console,
+) -> Result<(), Failure> {
+    if let Some(path) = &args.out {
+        planned.file.write(path)?;
+        console.note(&format!("wrote {}", path.display()));
+    }
+    if let Some(path) = &args.heatmap {
+        match &planned.guidance {
+            Some(guidance) => {
+                let bytes = files::heatmap_bytes(path, &guidance.heatmap)?;
+                files::write(path, &bytes, console)?;
+            }
+            None => console.warn(&format!(
+                "{} was not written: the networks did not run",
+                path.display()
+            )),
+        }
+    }
+    if args.svg.is_none() && args.png.is_none() {
+        return Ok(());
+    }
+    let picture = picture(args, scenario, planned);
+    if let Some(path) = &args.svg {
+        files::write(path, picture.to_svg().as_bytes(), console)?;
+    }
+    if let Some(path) = &args.png {
+        let png = picture.to_png(PNG_SCALE);
+        let png = png.map_err(|e| Failure::input(e.to_string()))?;
+        files::write(path, &png, console)?;
+    }
+    Ok(())
+}
+
+fn picture<'a>(args: &PlanArgs, scenario: &'a Scenario, planned: &'a Planned) -> Picture<'a> {
+    let mut picture = Picture::new(&scenario.workspace)
+        .start(scenario.start)
+        .title(&scenario.name)
+        .path(&planned.path);
+    match &args.automaton {
+        Some(file) => picture = picture.subtitle(file.display().to_string()),
+        None => picture = picture.subtitle(&scenario.task),
+    }
+    if let Some(guidance) = &planned.guidance {
+        picture = picture.heatmap(&guidance.heatmap);
+    }
+    if args.tree {
+        picture = picture.tree(planned.edges.iter().map(|&[a, b]| (a, b)));
+    }
+    picture
+}
+
+fn to_json(args: &PlanArgs, scenario: &Scenario, planned: &Planned) -> String {
+    let files: Vec<&Path> = [&args.out, &args.svg, &args.png, &args.heatmap]
+        .into_iter()
+        .flatten()
+        .map(|p| p.as_path())
+        .collect();
+    let object = json!({
+        "version": JSON_VERSION,
+        "outcome": "planned",
+        "word": planned.verified.word.show(scenario.workspace.alphabet()),
+        "verified": true,
+        "notices": planned.notices,
+        "files": files,
+        "plan": planned.file,
+    });
+    format!("{object}\n")
+}
+
+/// The summary for people.
+fn describe(scenario: &Scenario, planned: &Planned) -> String {
+    let file = &planned.file;
+    let mut text = String::new();
+    let sampler = file.sampler.as_deref().unwrap_or("unknown");
+    let device = match &file.device {
+        Some(device) => format!(", networks on {device}"),
+        None => String::new(),
+    };
+    let _ = writeln!(
+        text,
+        "{}: planned and verified ({sampler} sampler{device})",
+        scenario.name
+    );
+    let word = planned.verified.word.show(scenario.workspace.alphabet());
+    let _ = writeln!(text, "  sees    {word}");
+    let (cost, weight) = (planned.verified.cost, scenario.weight);
+    let _ = writeln!(
+        text,
+        "  cost    {:.4} = {weight} × prefix {:.4} + {} × suffix {:.4}",
+        cost.total,
+        cost.prefix,
+        1.0 - weight,
+        cost.suffix
+    );
+    if let Some(first) = &file.first {
+        let _ = writeln!(
+            text,
+            "  first   cost {:.4} after {} iterations, {} nodes, {}",
+            first.cost,
+            first.iterations,
+            first.nodes,
+            seconds(first.seconds)
+        );
+    }
+    if let Some(stats) = &file.stats {
+        let _ = writeln!(
+            text,
+            "  search  {} iterations, {} nodes at {} places",
+            stats.iterations, stats.nodes, stats.sites
+        );
+        let s = &stats.seconds;
+        let _ = writeln!(
+            text,
+            "  time    {} in all: translate {}, encode {}, infer {}, search {}",
+            seconds(s.total),
+            seconds(s.translate),
+            seconds(s.encode),
+            seconds(s.infer),
+            seconds(s.search)
+        );
+    }
+    text
+}

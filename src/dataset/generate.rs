@@ -1,0 +1,388 @@
+//! Writing a data set: shards in parallel threads, resumable after a kill at any moment.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::maps::Family;
+use super::read::{ReadError, digest, read_manifest};
+use super::record::{Counts, FORMAT, Manifest, ShardEntry, add_counts};
+use super::sample::{Sample, draw_sample};
+
+/// The manifest's name in a data set's directory.
+pub const MANIFEST: &str = "manifest.json";
+
+/// What to generate. Map `index` of a set depends on the fields `seed` to `min_length` and on
+/// `index` alone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GenerateConfig {
+    /// The directory to write to; made if missing. A set that was begun there with the same
+    /// settings is continued.
+    pub out: PathBuf,
+    /// The first map index; a multiple of `shard_maps`. Parts of one set can be made in
+    /// different places and their files put together.
+    pub from: u64,
+    /// The map index after the last.
+    pub to: u64,
+    /// How many maps go into a shard; at least 1.
+    pub shard_maps: u64,
+    /// How many threads work; 0 for one per core.
+    pub threads: usize,
+    /// The seed of the whole set.
+    pub seed: u64,
+    /// Families of maps and their weights.
+    pub families: Vec<(Family, f64)>,
+    /// Missions on each map; at least 1.
+    pub missions_per_map: usize,
+    /// The share of missions whose formula is a random syntax tree, in `[0, 1]`.
+    pub random_share: f64,
+    /// Automata with more states are dropped.
+    pub max_states: usize,
+    /// The prefix's share λ of the cost, in `[0, 1]`.
+    pub weight: f64,
+    /// Plans shorter than this, prefix and suffix together, in map units, are dropped.
+    pub min_length: f64,
+}
+
+impl GenerateConfig {
+    /// The settings of the shipped networks' training set, for `missions` missions: six on a map,
+    /// 55 % of the maps the paper's, 25 % clutter, 20 % rooms, 20 % of the formulas random trees.
+    #[must_use]
+    pub fn new(out: impl Into<PathBuf>, seed: u64, missions: u64) -> Self {
+        Self {
+            out: out.into(),
+            from: 0,
+            to: missions.div_ceil(6),
+            shard_maps: 100,
+            threads: 0,
+            seed,
+            families: vec![
+                (Family::Paper, 0.55),
+                (Family::Clutter, 0.25),
+                (Family::Rooms, 0.2),
+            ],
+            missions_per_map: 6,
+            random_share: 0.2,
+            max_states: 60,
+            weight: 0.2,
+            min_length: 0.01,
+        }
+    }
+
+    fn check(&self) -> Result<(), GenerateError> {
+        let bad = |what: &str| Err(GenerateError::Config(what.to_owned()));
+        if self.shard_maps == 0 || self.missions_per_map == 0 {
+            return bad("a shard needs at least one map and a map at least one mission");
+        }
+        if self.from >= self.to || self.from % self.shard_maps != 0 {
+            return bad(
+                "the range of maps must not be empty, and must begin at a multiple of the maps per shard",
+            );
+        }
+        let share = |x: f64| (0.0..=1.0).contains(&x);
+        if !share(self.random_share) || !share(self.weight) {
+            return bad("the share of random trees and the prefix's weight must lie in [0, 1]");
+        }
+        let usable = |w: f64| w.is_finite() && w >= 0.0;
+        let weights = || self.families.iter().map(|f| f.1);
+        if !weights().all(usable) || weights().sum::<f64>() <= 0.0 {
+            return bad("family weights must be at least 0, and one of them more");
+        }
+        if !self.min_length.is_finite() || self.max_states == 0 {
+            return bad("the least length must be a number and the most states at least 1");
+        }
+        Ok(())
+    }
+
+    fn settings(&self) -> serde_json::Value {
+        let families: serde_json::Map<String, serde_json::Value> = self
+            .families
+            .iter()
+            .map(|&(family, weight)| (family.name().to_owned(), json!(weight)))
+            .collect();
+        json!({
+            "families": families,
+            "missions_per_map": self.missions_per_map,
+            "random_share": self.random_share,
+            "max_states": self.max_states,
+            "weight": self.weight,
+            "min_length": self.min_length,
+            "shard_maps": self.shard_maps,
+        })
+    }
+
+    fn empty_manifest(&self) -> Manifest {
+        Manifest {
+            format: FORMAT,
+            generator: env!("CARGO_PKG_VERSION").to_owned(),
+            seed: self.seed,
+            from: self.from,
+            to: self.to,
+            maps: 0,
+            missions: 0,
+            filtered: Counts::new(),
+            families: Counts::new(),
+            patterns: Counts::new(),
+            shards: Vec::new(),
+            settings: self.settings(),
+        }
+    }
+}
+
+/// How far a run is.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Progress {
+    /// Maps done, those of shards that were there already included.
+    pub maps: u64,
+    /// Maps wanted.
+    pub of: u64,
+    /// Missions on the maps done.
+    pub missions: u64,
+}
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Outcome {
+    /// All shards are there.
+    Complete(Manifest),
+    /// It was told to stop; the finished shards are kept and a further run continues from them.
+    Stopped(Manifest),
+}
+
+impl Outcome {
+    /// The manifest as it lies on disk.
+    #[must_use]
+    pub fn manifest(&self) -> &Manifest {
+        match self {
+            Self::Complete(manifest) | Self::Stopped(manifest) => manifest,
+        }
+    }
+}
+
+/// Why a data set could not be generated.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum GenerateError {
+    /// A setting is out of range.
+    #[error("{0}")]
+    Config(String),
+    /// A file could not be written or read.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file or directory.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The directory holds a data set of other settings.
+    #[error(
+        "{path}: this data set was begun with another seed, range, version or other settings: choose another directory, or remove it first"
+    )]
+    OtherSet {
+        /// The manifest.
+        path: PathBuf,
+    },
+    /// The manifest that is there cannot be read.
+    #[error(transparent)]
+    Manifest(#[from] ReadError),
+    /// The threads could not be started.
+    #[error("worker threads could not be started: {0}")]
+    Threads(String),
+}
+
+/// Generates a data set, or finishes one that was begun.
+///
+/// Shards that are complete and whose digest is right are kept; a damaged one is made again.
+/// `progress` is called after every map; setting `stop` ends the run after the maps at hand.
+///
+/// # Errors
+/// Settings out of range, a directory that holds another set, or files that cannot be written.
+///
+/// ```no_run
+/// use std::sync::atomic::AtomicBool;
+/// use nngtl::dataset::{GenerateConfig, generate};
+/// let config = GenerateConfig::new("data/small", 1, 600);
+/// let outcome = generate(&config, &|p| eprint!("\r{} of {} maps", p.maps, p.of), &AtomicBool::new(false))?;
+/// println!("{} missions", outcome.manifest().missions);
+/// # Ok::<(), nngtl::dataset::GenerateError>(())
+/// ```
+pub fn generate(
+    config: &GenerateConfig,
+    progress: &(dyn Fn(&Progress) + Sync),
+    stop: &AtomicBool,
+) -> Result<Outcome, GenerateError> {
+    config.check()?;
+    fs::create_dir_all(&config.out).map_err(io_error(&config.out))?;
+    let kept = kept_shards(config)?;
+    let done = Mutex::new(Progress {
+        maps: kept.iter().map(|s| s.maps).sum(),
+        of: config.to - config.from,
+        missions: kept.iter().map(|s| s.missions).sum(),
+    });
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(config.threads)
+        .build()
+        .map_err(|e| GenerateError::Threads(e.to_string()))?;
+    let mut manifest = config.empty_manifest();
+    for shard in kept {
+        add_shard(&mut manifest, shard);
+    }
+    let step = usize::try_from(config.shard_maps).unwrap_or(usize::MAX);
+    for from in (config.from..config.to).step_by(step) {
+        if manifest.shards.iter().any(|s| s.from == from) {
+            continue;
+        }
+        let to = config.to.min(from.saturating_add(config.shard_maps));
+        let samples: Option<Vec<Sample>> = pool.install(|| {
+            let draw = |index| {
+                if stop.load(Ordering::Relaxed) {
+                    return None;
+                }
+                let sample = draw_sample(config, index);
+                if let Ok(mut done) = done.lock() {
+                    done.maps += 1;
+                    done.missions += sample.record.missions.len() as u64;
+                    progress(&done);
+                }
+                Some(sample)
+            };
+            (from..to).into_par_iter().map(draw).collect()
+        });
+        let Some(samples) = samples else {
+            return Ok(Outcome::Stopped(manifest));
+        };
+        add_shard(&mut manifest, write_shard(config, from, to, &samples)?);
+        write_manifest(config, &manifest)?;
+    }
+    write_manifest(config, &manifest)?;
+    Ok(Outcome::Complete(manifest))
+}
+
+/// The shards of an earlier run that are sound.
+fn kept_shards(config: &GenerateConfig) -> Result<Vec<ShardEntry>, GenerateError> {
+    let path = config.out.join(MANIFEST);
+    if !path.exists() {
+        return Ok(Vec::new());
+    }
+    let found = read_manifest(&config.out)?;
+    let ours = config.empty_manifest();
+    let same = found.seed == ours.seed
+        && (found.from, found.to) == (ours.from, ours.to)
+        && found.generator == ours.generator
+        && found.settings == ours.settings;
+    if !same {
+        return Err(GenerateError::OtherSet { path });
+    }
+    let sound = |shard: &ShardEntry| {
+        let path = config.out.join(&shard.file);
+        let right = fs::read(&path).is_ok_and(|bytes| digest(&bytes) == shard.sha256);
+        if !right {
+            log::warn!("{}: missing or damaged, made again", path.display());
+        }
+        right
+    };
+    Ok(found.shards.into_iter().filter(sound).collect())
+}
+
+fn add_shard(manifest: &mut Manifest, shard: ShardEntry) {
+    manifest.maps += shard.maps;
+    manifest.missions += shard.missions;
+    add_counts(&mut manifest.filtered, &shard.filtered);
+    add_counts(&mut manifest.families, &shard.families);
+    add_counts(&mut manifest.patterns, &shard.patterns);
+    manifest.shards.push(shard);
+    manifest.shards.sort_by_key(|s| s.from);
+}
+
+fn write_shard(
+    config: &GenerateConfig,
+    from: u64,
+    to: u64,
+    samples: &[Sample],
+) -> Result<ShardEntry, GenerateError> {
+    let file = format!("shard-{:05}.jsonl.gz", from / config.shard_maps);
+    let path = config.out.join(&file);
+    let bytes = compress(samples).map_err(io_error(&path))?;
+    write_whole(&path, &bytes)?;
+    let mut shard = ShardEntry {
+        file,
+        sha256: digest(&bytes),
+        from,
+        to,
+        maps: samples.len() as u64,
+        missions: 0,
+        filtered: Counts::new(),
+        families: Counts::new(),
+        patterns: Counts::new(),
+    };
+    for sample in samples {
+        add_counts(&mut shard.filtered, &sample.filtered);
+        let family = sample.record.family.name().to_owned();
+        *shard.families.entry(family).or_default() += 1;
+        for mission in &sample.record.missions {
+            shard.missions += 1;
+            let pattern = mission.pattern.name().to_owned();
+            *shard.patterns.entry(pattern).or_default() += 1;
+        }
+    }
+    Ok(shard)
+}
+
+/// One JSON object a line. The header holds no time, so equal samples give equal bytes.
+fn compress(samples: &[Sample]) -> io::Result<Vec<u8>> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    for sample in samples {
+        serde_json::to_writer(&mut encoder, &sample.record)?;
+        encoder.write_all(b"\n")?;
+    }
+    encoder.finish()
+}
+
+fn write_manifest(config: &GenerateConfig, manifest: &Manifest) -> Result<(), GenerateError> {
+    let path = config.out.join(MANIFEST);
+    let mut text = serde_json::to_vec_pretty(manifest)
+        .map_err(|e| io_error(&path)(io::Error::from(e)))?;
+    text.push(b'\n');
+    write_whole(&path, &text)
+}
+
+/// Writes a file so that it is there as a whole or not at all.
+fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), GenerateError> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let write = || -> io::Result<()> {
+        let mut file = tempfile::NamedTempFile::new_in(folder)?;
+        file.write_all(bytes)?;
+        readable_by_all(file.as_file())?;
+        file.as_file().sync_all()?;
+        file.persist(path)?;
+        Ok(())
+    };
+    write().map_err(io_error(path))
+}
+
+/// Temporary files are made for their owner alone; data sets are not secret.
+#[cfg(unix)]
+fn readable_by_all(file: &File) -> io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn readable_by_all(_: &File) -> io::Result<()> {
+    Ok(())
+}
+
+fn io_error(path: &Path) -> impl Fn(io::Error) -> GenerateError + use<> {
+    let path = path.to_owned();
+    move |source| GenerateError::Io {
+        path: path.clone(),
+        source,
+    }
+}

@@ -1,0 +1,250 @@
+//! Random maps, in families.
+//!
+//! Every map is the unit square; coordinates are rounded to [`GRID`], so that what a data set
+//! writes down is exactly the map that its labels were made on.
+
+use std::f64::consts::TAU;
+use std::fmt;
+
+use nalgebra::{Point2, Vector2};
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+
+use super::rooms;
+use super::shapes;
+use crate::random::{Random, chance, choose};
+use crate::workspace::{Bounds, Place, Polygon, Region, Workspace, WorkspaceError};
+
+/// Steps to which coordinates are rounded, per map unit.
+pub const GRID: f64 = 1e4;
+
+/// The largest number of regions on a map: the networks' channels (`nngtl.md`, IV-B).
+pub const MAX_REGIONS: usize = 7;
+
+/// The distance that regions keep from obstacles and from each other, in map units.
+const MARGIN: f64 = 0.01;
+
+/// How often a place is drawn for one shape before the map is drawn anew.
+const PLACES: usize = 60;
+
+/// A kind of map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Family {
+    /// The paper's: two large rectangles as obstacles and seven small regions, drawn on a
+    /// 200 × 200 grid (`nngtl.md`, IV-D).
+    Paper,
+    /// Many small obstacles of all shapes.
+    Clutter,
+    /// Rooms with doors, corridors, and mazes of them.
+    Rooms,
+}
+
+impl Family {
+    /// All families.
+    pub const ALL: [Self; 3] = [Self::Paper, Self::Clutter, Self::Rooms];
+
+    /// The family's name in data sets.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Clutter => "clutter",
+            Self::Rooms => "rooms",
+        }
+    }
+}
+
+impl fmt::Display for Family {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Obstacles and regions of a random map; region `k` is called `l<k+1>`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapShapes {
+    /// The family that it was drawn from.
+    pub family: Family,
+    /// The obstacles; they may overlap.
+    pub obstacles: Vec<Polygon>,
+    /// The regions, disjoint from each other and from the obstacles.
+    pub regions: Vec<Polygon>,
+}
+
+impl MapShapes {
+    /// The map as a workspace.
+    ///
+    /// # Errors
+    /// As [`Workspace::new`].
+    pub fn workspace(&self) -> Result<Workspace, WorkspaceError> {
+        let regions = self.regions.iter().enumerate().map(|(k, polygon)| Region {
+            name: region_name(k),
+            polygon: polygon.clone(),
+        });
+        Workspace::new(Bounds::unit(), self.obstacles.clone(), regions.collect())
+    }
+}
+
+/// The name of region `k`, counted from 0.
+#[must_use]
+pub fn region_name(k: usize) -> String {
+    format!("l{}", k + 1)
+}
+
+/// Draws a map.
+///
+/// ```
+/// use nngtl::dataset::maps::{Family, draw_map};
+/// use nngtl::random::generator;
+/// let map = draw_map(Family::Paper, &mut generator(1, 0));
+/// assert_eq!((map.obstacles.len(), map.regions.len()), (2, 7));
+/// assert_eq!(map, draw_map(Family::Paper, &mut generator(1, 0)));
+/// ```
+#[must_use]
+pub fn draw_map(family: Family, random: &mut Random) -> MapShapes {
+    loop {
+        let drawn = match family {
+            Family::Paper => paper(random),
+            Family::Clutter => clutter(random),
+            Family::Rooms => with_rooms(random),
+        };
+        if let Some((obstacles, regions)) = drawn {
+            return MapShapes {
+                family,
+                obstacles,
+                regions,
+            };
+        }
+    }
+}
+
+/// Draws a start: uniform over the free space, rounded to the grid.
+#[must_use]
+pub fn draw_start(workspace: &Workspace, random: &mut Random) -> Point2<f64> {
+    loop {
+        let p = round(workspace.sample_free(random));
+        if let Place::Free {
+            on_boundary: false, ..
+        } = workspace.locate(p)
+        {
+            return p;
+        }
+    }
+}
+
+/// The grid point nearest to `p`.
+#[must_use]
+pub fn round(p: Point2<f64>) -> Point2<f64> {
+    p.map(|c| (c * GRID).round() / GRID)
+}
+
+type Drawn = Option<(Vec<Polygon>, Vec<Polygon>)>;
+
+fn paper(random: &mut Random) -> Drawn {
+    const CELLS: u32 = 200;
+    let mut rectangle = |low: u32, high: u32, edge: u32| {
+        let (w, h) = (random.random_range(low..=high), random.random_range(low..=high));
+        let x = random.random_range(edge..=CELLS - edge - w);
+        let y = random.random_range(edge..=CELLS - edge - h);
+        let corner = |x: u32, y: u32| {
+            Point2::new(f64::from(x) / f64::from(CELLS), f64::from(y) / f64::from(CELLS))
+        };
+        Polygon::rectangle(corner(x, y), corner(x + w, y + h)).ok()
+    };
+    let obstacles = vec![rectangle(24, 90, 6)?, rectangle(24, 90, 6)?];
+    let mut regions: Vec<Polygon> = Vec::new();
+    for _ in 0..MAX_REGIONS {
+        let place = (0..PLACES).find_map(|_| {
+            let polygon = rectangle(10, 26, 1)?;
+            is_clear(&polygon, obstacles.iter().chain(&regions)).then_some(polygon)
+        });
+        regions.push(place?);
+    }
+    Some((obstacles, regions))
+}
+
+fn clutter(random: &mut Random) -> Drawn {
+    let count = random.random_range(8..=26);
+    // Fewer obstacles are larger ones: the covered share stays alike.
+    let size = 0.25 / f64::from(count).sqrt();
+    let obstacles: Vec<Polygon> = (0..count)
+        .filter_map(|_| {
+            let centre = Point2::new(random.random(), random.random());
+            obstacle_shape(centre, size * random.random_range(0.5..1.5), random)
+        })
+        .collect();
+    let regions = draw_regions(&obstacles, random)?;
+    Some((obstacles, regions))
+}
+
+fn with_rooms(random: &mut Random) -> Drawn {
+    let mut obstacles = rooms::walls(random);
+    if chance(random, 0.4) {
+        for _ in 0..random.random_range(1..=5) {
+            let centre = Point2::new(random.random(), random.random());
+            obstacles.extend(obstacle_shape(centre, random.random_range(0.02..0.06), random));
+        }
+    }
+    let regions = draw_regions(&obstacles, random)?;
+    Some((obstacles, regions))
+}
+
+fn obstacle_shape(centre: Point2<f64>, radius: f64, random: &mut Random) -> Option<Polygon> {
+    let points = match random.random_range(0..6) {
+        0 | 1 => shapes::turned_rectangle(centre, radius, random),
+        2 | 3 => shapes::convex(centre, radius, random),
+        4 => shapes::jagged(centre, radius, random),
+        _ => shapes::angle(centre, radius, random),
+    };
+    clipped(points)
+}
+
+/// Regions of one map are alike small, alike large, or mixed.
+fn draw_regions(obstacles: &[Polygon], random: &mut Random) -> Option<Vec<Polygon>> {
+    let sizes = *choose(random, &[(0.025, 0.05), (0.03, 0.08), (0.03, 0.16), (0.08, 0.16)])?;
+    let count = random.random_range(4..=MAX_REGIONS);
+    let mut regions: Vec<Polygon> = Vec::new();
+    for _ in 0..count {
+        let place = (0..PLACES).find_map(|_| {
+            let centre = Point2::new(random.random(), random.random());
+            let polygon = region_shape(centre, random.random_range(sizes.0..sizes.1), random)?;
+            is_clear(&polygon, obstacles.iter().chain(&regions)).then_some(polygon)
+        });
+        regions.push(place?);
+    }
+    Some(regions)
+}
+
+fn region_shape(centre: Point2<f64>, radius: f64, random: &mut Random) -> Option<Polygon> {
+    let points = match random.random_range(0..8) {
+        0..=2 => shapes::rectangle(centre, radius, random),
+        3 => shapes::turned_rectangle(centre, radius, random),
+        4 | 5 => shapes::convex(centre, radius, random),
+        6 => shapes::jagged(centre, radius, random),
+        _ => shapes::angle(centre, radius, random),
+    };
+    let inside = points.iter().all(|p| Bounds::unit().contains(*p));
+    inside.then(|| clipped(points)).flatten()
+}
+
+/// Rounds a shape to the grid, pulled into the unit square; `None` if nothing sound is left.
+fn clipped(points: Vec<Point2<f64>>) -> Option<Polygon> {
+    let points = points.into_iter().map(|p| round(Bounds::unit().clip(p)));
+    let polygon = Polygon::new(points.collect()).ok()?;
+    (polygon.area() > 2e-4).then_some(polygon)
+}
+
+fn is_clear<'a>(polygon: &Polygon, mut others: impl Iterator<Item = &'a Polygon>) -> bool {
+    others.all(|other| shapes::are_apart(polygon, other, MARGIN))
+}
+
+/// The unit vector in a direction, the same bits on every platform.
+pub(super) fn direction(angle: f64) -> Vector2<f64> {
+    Vector2::new(libm::cos(angle), libm::sin(angle))
+}
+
+/// A uniform angle.
+pub(super) fn any_angle(random: &mut Random) -> f64 {
+    random.random_range(0.0..TAU)
+}

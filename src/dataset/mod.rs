@@ -1,0 +1,5 @@
+//! Data.
+pub mod maps;
+pub mod missions;
+mod rooms;
+mod shapes;

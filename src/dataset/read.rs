@@ -1,0 +1,224 @@
+//! Reading a data set back.
+
+use std::fs;
+use std::io::{self, BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use flate2::read::GzDecoder;
+use nalgebra::Point2;
+use sha2::{Digest, Sha256};
+
+use super::MANIFEST;
+use super::record::{FORMAT, Manifest, MapRecord, MissionRecord, RecordError, ShardEntry, point};
+use crate::automaton::{BuildError, Task};
+use crate::ltl::{Formula, ParseError};
+use crate::workspace::Workspace;
+
+/// Why a data set could not be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadError {
+    /// A file is missing or unreadable.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file does not say what the format asks for.
+    #[error("{path}, line {line}: {source}")]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What was expected.
+        source: serde_json::Error,
+    },
+    /// The format's version is not ours.
+    #[error("{path}: the data set has format {found}, this program reads {FORMAT}: generate it again")]
+    Format {
+        /// The manifest.
+        path: PathBuf,
+        /// Its version.
+        found: u64,
+    },
+    /// A shard is not what the manifest says.
+    #[error("{path}: the file's sha256 is {found}, the manifest says {expected}: run the generator again to repair it")]
+    Damaged {
+        /// The shard.
+        path: PathBuf,
+        /// The digest in the manifest.
+        expected: String,
+        /// The digest of the file.
+        found: String,
+    },
+    /// A map's shapes are unsound.
+    #[error("{path}: {source}")]
+    Record {
+        /// The shard.
+        path: PathBuf,
+        /// What is wrong.
+        source: RecordError,
+    },
+    /// A formula cannot be read.
+    #[error("{path}, map {index}: {source}")]
+    Formula {
+        /// The shard.
+        path: PathBuf,
+        /// The map's number.
+        index: u64,
+        /// What is wrong.
+        source: ParseError,
+    },
+    /// A formula cannot be translated.
+    #[error("{path}, map {index}: {source}")]
+    Task {
+        /// The shard.
+        path: PathBuf,
+        /// The map's number.
+        index: u64,
+        /// What is wrong.
+        source: BuildError,
+    },
+}
+
+/// Reads a data set's manifest.
+///
+/// # Errors
+/// A missing file, another format, or text that is no manifest.
+pub fn read_manifest(folder: &Path) -> Result<Manifest, ReadError> {
+    let path = folder.join(MANIFEST);
+    let text = fs::read(&path).map_err(|source| ReadError::Io {
+        path: path.clone(),
+        source,
+    })?;
+    let fault = |source: serde_json::Error| ReadError::Json {
+        path: path.clone(),
+        line: source.line(),
+        source,
+    };
+    let value: serde_json::Value = serde_json::from_slice(&text).map_err(fault)?;
+    let found = value["format"].as_u64().unwrap_or(0);
+    if found != u64::from(FORMAT) {
+        return Err(ReadError::Format { path, found });
+    }
+    serde_json::from_value(value).map_err(fault)
+}
+
+/// Reads a shard's maps, after checking its digest.
+///
+/// # Errors
+/// A missing or damaged file, or a line that is no map.
+pub fn read_shard(folder: &Path, shard: &ShardEntry) -> Result<Vec<MapRecord>, ReadError> {
+    let path = folder.join(&shard.file);
+    let io_error = |source| ReadError::Io {
+        path: path.clone(),
+        source,
+    };
+    let bytes = fs::read(&path).map_err(io_error)?;
+    let found = digest(&bytes);
+    if found != shard.sha256 {
+        return Err(ReadError::Damaged {
+            path,
+            expected: shard.sha256.clone(),
+            found,
+        });
+    }
+    let lines = BufReader::new(GzDecoder::new(bytes.as_slice())).lines();
+    let mut maps = Vec::new();
+    for (i, line) in lines.enumerate() {
+        let line = line.map_err(io_error)?;
+        let map = serde_json::from_str(&line).map_err(|source| ReadError::Json {
+            path: path.clone(),
+            line: i + 1,
+            source,
+        })?;
+        maps.push(map);
+    }
+    Ok(maps)
+}
+
+/// The hex digest that manifests hold.
+pub(super) fn digest(bytes: &[u8]) -> String {
+    use std::fmt::Write;
+    Sha256::digest(bytes)
+        .iter()
+        .fold(String::with_capacity(64), |mut text, byte| {
+            let _ = write!(text, "{byte:02x}"); // writing to a string never fails
+            text
+        })
+}
+
+/// A mission of a data set, ready for planning.
+#[derive(Clone, Debug)]
+pub struct LabelledMission {
+    /// The index of its map.
+    pub map: u64,
+    /// The map, shared by its missions.
+    pub workspace: Arc<Workspace>,
+    /// Where the robot starts.
+    pub start: Point2<f64>,
+    /// The task's formula.
+    pub formula: Formula,
+    /// The task.
+    pub task: Task,
+    /// What the data set says about it.
+    pub record: MissionRecord,
+}
+
+/// All missions of a data set, in order; shards are read one at a time.
+///
+/// # Errors
+/// An unreadable manifest. The iterator's items are errors where a shard cannot be read (its
+/// missions are then left out) or a record makes no mission.
+pub fn missions(
+    folder: &Path,
+) -> Result<impl Iterator<Item = Result<LabelledMission, ReadError>> + use<>, ReadError> {
+    let manifest = read_manifest(folder)?;
+    let folder = folder.to_owned();
+    Ok(manifest.shards.into_iter().flat_map(move |shard| {
+        let path = folder.join(&shard.file);
+        match read_shard(&folder, &shard) {
+            Ok(maps) => maps
+                .into_iter()
+                .flat_map(|map| map_missions(&path, map))
+                .collect(),
+            Err(error) => vec![Err(error)],
+        }
+    }))
+}
+
+fn map_missions(path: &Path, map: MapRecord) -> Vec<Result<LabelledMission, ReadError>> {
+    let path = path.to_owned();
+    let workspace = match map.workspace() {
+        Ok(workspace) => workspace,
+        Err(source) => return vec![Err(ReadError::Record { path, source })],
+    };
+    let index = map.index;
+    let mission = |record: MissionRecord| {
+        let formula: Formula = record.formula.parse().map_err(|source| ReadError::Formula {
+            path: path.clone(),
+            index,
+            source,
+        })?;
+        let task = Task::from_formula(&formula, workspace.alphabet()).map_err(|source| {
+            ReadError::Task {
+                path: path.clone(),
+                index,
+                source,
+            }
+        })?;
+        Ok(LabelledMission {
+            map: index,
+            workspace: workspace.clone(),
+            start: point(record.start),
+            formula,
+            task,
+            record,
+        })
+    };
+    map.missions.into_iter().map(mission).collect()
+}

@@ -1,0 +1,302 @@
+//! What a data set's files say, as serde types (`docs/dataset.md`).
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nalgebra::Point2;
+use serde::{Deserialize, Serialize};
+
+use super::maps::{Family, MapShapes, region_name};
+use super::missions::Pattern;
+use crate::automaton::{Distances, StateId, Task, cubes};
+use crate::ltl::Formula;
+use crate::workspace::{Bounds, Polygon, PolygonError, Region, Workspace, WorkspaceError};
+
+/// The version of the format that this program writes and reads.
+pub const FORMAT: u32 = 1;
+
+/// A pair of coordinates.
+pub type Pair = [f64; 2];
+
+/// Counts by name, in alphabetical order.
+pub type Counts = BTreeMap<String, u64>;
+
+/// `manifest.json`: what the data set holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// [`FORMAT`].
+    pub format: u32,
+    /// The version of the program that wrote it.
+    pub generator: String,
+    /// The seed of the whole set.
+    pub seed: u64,
+    /// The first map index.
+    pub from: u64,
+    /// The map index after the last.
+    pub to: u64,
+    /// How many maps the listed shards hold.
+    pub maps: u64,
+    /// How many missions the listed shards hold.
+    pub missions: u64,
+    /// Missions drawn and dropped, by reason.
+    pub filtered: Counts,
+    /// Maps by family.
+    pub families: Counts,
+    /// Missions by pattern.
+    pub patterns: Counts,
+    /// The shards that are complete, in order.
+    pub shards: Vec<ShardEntry>,
+    /// What else the generator was told; shards of different settings never mix.
+    pub settings: serde_json::Value,
+}
+
+/// A shard in the manifest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ShardEntry {
+    /// The file's name in the data set's directory.
+    pub file: String,
+    /// Hex digest of the file as it lies on disk.
+    pub sha256: String,
+    /// The first map index.
+    pub from: u64,
+    /// The map index after the last.
+    pub to: u64,
+    /// How many maps it holds.
+    pub maps: u64,
+    /// How many missions it holds.
+    pub missions: u64,
+    /// Missions drawn and dropped for this shard, by reason.
+    pub filtered: Counts,
+    /// Its maps by family.
+    pub families: Counts,
+    /// Its missions by pattern.
+    pub patterns: Counts,
+}
+
+/// A line of a shard: a map and its missions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MapRecord {
+    /// The map's number in the set.
+    pub index: u64,
+    /// The kind of map.
+    pub family: Family,
+    /// Lower-left and upper-right corner.
+    pub bounds: [Pair; 2],
+    /// The obstacles' vertices.
+    pub obstacles: Vec<Vec<Pair>>,
+    /// The regions' vertices; region `k` is called `l<k+1>`.
+    pub regions: Vec<Vec<Pair>>,
+    /// The missions on this map.
+    pub missions: Vec<MissionRecord>,
+}
+
+/// A mission with its expert's labels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MissionRecord {
+    /// Where the robot starts.
+    pub start: Pair,
+    /// The task, in the syntax of [`crate::ltl`].
+    pub formula: String,
+    /// The kind of formula.
+    pub pattern: Pattern,
+    /// Indices of the regions that the formula names, in order of first use.
+    pub order: Vec<usize>,
+    /// The automaton as the networks see it.
+    pub automaton: AutomatonRecord,
+    /// The expert's prefix.
+    pub prefix: Vec<Pair>,
+    /// The expert's suffix, back to its first point; that point alone if the robot stays.
+    pub suffix: Vec<Pair>,
+    /// The automaton states on the expert's path, ascending.
+    pub visited: Vec<u32>,
+    /// The weighted length of prefix and suffix as written here, to a millionth.
+    pub cost: f64,
+}
+
+/// An automaton as the networks see it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AutomatonRecord {
+    /// How many states there are.
+    pub states: u32,
+    /// The initial states.
+    pub initial: Vec<u32>,
+    /// The feasible accepting states.
+    pub accepting: Vec<u32>,
+    /// For each state the third feature: ρ to the nearest feasible accepting state, divided by the
+    /// largest finite ρ between two different states; −1 if there is none. To a millionth.
+    pub distance: Vec<f64>,
+    /// Source, target and literals by channel, one for each cube of each guard.
+    pub transitions: Vec<(u32, u32, Vec<i8>)>,
+}
+
+impl AutomatonRecord {
+    /// Describes a task's automaton; `order` lists the channels' propositions.
+    #[must_use]
+    pub fn new(task: &Task, order: &[usize]) -> Self {
+        let nba = &task.nba;
+        let ids = |states: &[StateId]| states.iter().map(|q| q.0).collect();
+        let mut transitions = Vec::new();
+        for from in nba.states() {
+            for transition in nba.outgoing(from) {
+                for cube in cubes(&transition.guard, &nba.alphabet) {
+                    let literal = |&p: &usize| {
+                        i8::from(cube.positive.contains(p)) - i8::from(cube.negative.contains(p))
+                    };
+                    let literals = order.iter().map(literal).collect();
+                    transitions.push((from.0, transition.target.0, literals));
+                }
+            }
+        }
+        Self {
+            states: nba.len() as u32,
+            initial: ids(&nba.initial),
+            accepting: ids(&task.feasible),
+            distance: distance_features(task),
+            transitions,
+        }
+    }
+}
+
+fn distance_features(task: &Task) -> Vec<f64> {
+    let finite = |d: &u32| *d != Distances::INFINITE;
+    let states = || task.nba.states();
+    let largest = states()
+        .flat_map(|p| states().map(move |q| task.distances.to_go(p, q)))
+        .filter(finite)
+        .max()
+        .unwrap_or(0)
+        .max(1);
+    let nearest = |p: StateId| {
+        let lengths = task.feasible.iter().map(|&q| task.distances.to_go(p, q));
+        lengths.filter(finite).min()
+    };
+    states()
+        .map(|p| nearest(p).map_or(-1.0, |d| to_millionth(f64::from(d) / f64::from(largest))))
+        .collect()
+}
+
+/// The regions that a formula names, in order of first use.
+#[must_use]
+pub fn region_order(formula: &Formula) -> Vec<usize> {
+    fn walk(formula: &Formula, found: &mut Vec<usize>) {
+        match formula {
+            Formula::True | Formula::False => {}
+            Formula::Prop(name) => {
+                let number = name.strip_prefix('l').and_then(|n| n.parse::<usize>().ok());
+                if let Some(k) = number.and_then(|n| n.checked_sub(1)) {
+                    if !found.contains(&k) {
+                        found.push(k);
+                    }
+                }
+            }
+            Formula::Not(f) | Formula::Next(f) | Formula::Finally(f) | Formula::Globally(f) => {
+                walk(f, found);
+            }
+            Formula::And(f, g)
+            | Formula::Or(f, g)
+            | Formula::Implies(f, g)
+            | Formula::Iff(f, g)
+            | Formula::Until(f, g)
+            | Formula::Release(f, g)
+            | Formula::WeakUntil(f, g)
+            | Formula::StrongRelease(f, g) => {
+                walk(f, found);
+                walk(g, found);
+            }
+        }
+    }
+    let mut found = Vec::new();
+    walk(formula, &mut found);
+    found
+}
+
+/// Why a record describes no map.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordError {
+    /// A polygon is unsound.
+    #[error("map {index}: {source}")]
+    Polygon {
+        /// The map's number.
+        index: u64,
+        /// What is wrong.
+        source: PolygonError,
+    },
+    /// The parts make no workspace.
+    #[error("map {index}: {source}")]
+    Workspace {
+        /// The map's number.
+        index: u64,
+        /// What is wrong.
+        source: WorkspaceError,
+    },
+}
+
+impl MapRecord {
+    /// Describes a map without missions.
+    #[must_use]
+    pub fn new(index: u64, map: &MapShapes) -> Self {
+        let vertices = |p: &Polygon| p.vertices().iter().map(|v| [v.x, v.y]).collect();
+        let bounds = Bounds::unit();
+        Self {
+            index,
+            family: map.family,
+            bounds: [bounds.min, bounds.max].map(pair),
+            obstacles: map.obstacles.iter().map(vertices).collect(),
+            regions: map.regions.iter().map(vertices).collect(),
+            missions: Vec::new(),
+        }
+    }
+
+    /// The map as a workspace.
+    ///
+    /// # Errors
+    /// An unsound polygon or unsound bounds.
+    pub fn workspace(&self) -> Result<Arc<Workspace>, RecordError> {
+        let index = self.index;
+        let polygon = |vertices: &Vec<Pair>| {
+            Polygon::new(vertices.iter().copied().map(point).collect())
+                .map_err(|source| RecordError::Polygon { index, source })
+        };
+        let obstacles: Vec<Polygon> = self.obstacles.iter().map(polygon).collect::<Result<_, _>>()?;
+        let regions: Vec<Region> = self
+            .regions
+            .iter()
+            .enumerate()
+            .map(|(k, vertices)| {
+                Ok(Region {
+                    name: region_name(k),
+                    polygon: polygon(vertices)?,
+                })
+            })
+            .collect::<Result<_, _>>()?;
+        let [min, max] = self.bounds.map(point);
+        Workspace::new(Bounds { min, max }, obstacles, regions)
+            .map(Arc::new)
+            .map_err(|source| RecordError::Workspace { index, source })
+    }
+}
+
+/// The coordinates of a point.
+#[must_use]
+pub fn pair(p: Point2<f64>) -> Pair {
+    [p.x, p.y]
+}
+
+/// The point with these coordinates.
+#[must_use]
+pub fn point([x, y]: Pair) -> Point2<f64> {
+    Point2::new(x, y)
+}
+
+/// Rounds a number that no one needs more exactly.
+pub(super) fn to_millionth(x: f64) -> f64 {
+    (x * 1e6).round() / 1e6
+}
+
+/// Adds counts to counts.
+pub(super) fn add_counts(sum: &mut Counts, more: &Counts) {
+    for (name, n) in more {
+        *sum.entry(name.clone()).or_default() += n;
+    }
+}

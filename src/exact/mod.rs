@@ -1,0 +1,110 @@
+//! An exact-search planner: a roadmap of the map's own corners, and Dijkstra's algorithm over its
+//! product with the automaton.
+//!
+//! Shortest prefix-suffix paths bend at corners of obstacles, at corners of regions that they must
+//! avoid, and where they touch the border of a region that they visit. The [`Roadmap`] holds such
+//! points (the border points are sampled), joined by every free straight segment together with
+//! the letters along it. The search is optimal on the roadmap; [local refinement](self#refinement)
+//! then slides the waypoints, which removes most of what sampling the borders costs.
+//!
+//! The planner is deterministic and knows nothing of sampling-based planners, which never ask it:
+//! it stands on its own, as the expert that labels training data and as a reference for costs.
+//!
+//! # Refinement
+//! Each waypoint in turn is dropped where the word stays the same without it, or slid along the borders of
+//! the regions at hand to where the weighted length is least. The word of the path, up to
+//! stuttering and up to letters that the automaton cannot tell apart, never changes.
+
+mod chain;
+mod mission;
+mod realise;
+mod roadmap;
+mod search;
+mod words;
+
+use nalgebra::Point2;
+
+use crate::automaton::{StateId, Task};
+use crate::plan::{Cost, Path};
+use crate::workspace::Workspace;
+
+pub use roadmap::Roadmap;
+
+/// Settings of the exact planner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExactConfig {
+    /// How far inside (or outside) a region its border points lie, as a share of the map's
+    /// longer side, in (0, 0.01]. Every visit costs up to twice this much more than the infimum.
+    pub inset: f64,
+    /// The largest distance between neighbouring border points before refinement, as a share of
+    /// the map's longer side.
+    pub spacing: f64,
+    /// How many accepting product states are tried as beginnings of a suffix that moves.
+    pub suffix_searches: usize,
+    /// How often refinement passes over all waypoints; 0 leaves the roadmap's path as it is.
+    pub sweeps: usize,
+}
+
+impl Default for ExactConfig {
+    fn default() -> Self {
+        Self {
+            inset: 5e-4,
+            spacing: 0.06,
+            suffix_searches: 200,
+            sweeps: 8,
+        }
+    }
+}
+
+/// A plan of the exact planner.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExactPlan {
+    /// The prefix-suffix path.
+    pub path: Path,
+    /// Its cost.
+    pub cost: Cost,
+    /// The automaton states on the path, prefix and suffix, ascending.
+    pub visited: Vec<StateId>,
+}
+
+/// Why the exact planner found no plan.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Infeasible {
+    /// The start is not free.
+    #[error("the start ({x}, {y}) is not in free space: move it out of obstacles and into the bounds")]
+    Start {
+        /// The start's x coordinate.
+        x: f64,
+        /// The start's y coordinate.
+        y: f64,
+    },
+    /// The automaton accepts no word over the map's letters.
+    #[error("no sequence of the letters that occur on the map satisfies the task")]
+    Unsatisfiable,
+    /// No accepting state of the product can be reached.
+    #[error("no path from the start reaches an accepting state: obstacles or forbidden regions are in the way")]
+    NoPrefix,
+    /// Accepting states can be reached, but none again from itself.
+    #[error("no accepting state that the robot can reach lies on a loop that it can follow for ever")]
+    NoSuffix,
+    /// A path was found, but no run of the automaton follows it waypoint by waypoint.
+    #[error("the automaton distinguishes words that differ by stuttering only, which a continuous path cannot follow: write the task without X")]
+    Stutter,
+}
+
+/// Plans with default settings, for one mission.
+///
+/// Missions that share a map should share a [`Roadmap`].
+///
+/// # Errors
+/// See [`Infeasible`].
+pub fn plan(
+    workspace: &Workspace,
+    start: Point2<f64>,
+    task: &Task,
+    weight: f64,
+) -> Result<ExactPlan, Infeasible> {
+    let used = mission::used_regions(workspace, task);
+    Roadmap::of_regions(workspace, ExactConfig::default(), used).plan(start, task, weight)
+}

@@ -1,0 +1,276 @@
+//! From a scenario to a verified plan: every stage of the house in one call.
+//!
+//! ```
+//! use nngtl::mission::{self, Options};
+//! use nngtl::render::Picture;
+//! use nngtl::scenario::Scenario;
+//!
+//! let scenario = Scenario::load("scenarios/case-study.toml")?;
+//! let planned = mission::plan(&scenario, &Options::default())?; // searched and verified
+//! let svg = Picture::new(&scenario.workspace)
+//!     .start(scenario.start)
+//!     .path(&planned.path)
+//!     .to_svg();
+//! assert!(svg.contains("stays here"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod guide;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use nalgebra::Point2;
+
+use crate::automaton::{Limits, Task, TaskError};
+use crate::guidance::Guidance;
+use crate::nn::{DeviceChoice, LoadError, PredictError};
+use crate::plan::{Cost, First, Path, PlanFile, PlanStats, StageSeconds};
+use crate::planner::{self, PlanError, Problem, Progress, Sampler, Settings, Stats, Stop};
+use crate::scenario::Scenario;
+use crate::system::{Continuous, StartError};
+use crate::verify::{self, Refusal, Verified};
+
+pub use guide::{Prediction, predict};
+
+/// Which strategy plans a mission.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SamplerChoice {
+    /// Guided if the networks load and fit the mission, else biased.
+    #[default]
+    Auto,
+    /// Uniform sampling.
+    Uniform,
+    /// Biased sampling.
+    Biased,
+    /// Sampling guided by the networks.
+    Guided,
+    /// No sampling: the exact planner.
+    Exact,
+}
+
+/// How a mission is planned.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// The strategy.
+    pub sampler: SamplerChoice,
+    /// What runs the networks, if they run.
+    pub device: DeviceChoice,
+    /// The folder of the networks' weights; the built-in ones if not given.
+    pub model: Option<PathBuf>,
+    /// Budget, seed and parameters of the search.
+    pub settings: Settings,
+}
+
+/// A plan that has passed the checker, and what it took.
+#[derive(Clone, Debug)]
+pub struct Planned {
+    /// The path.
+    pub path: Path,
+    /// What the checker found it to do.
+    pub verified: Verified,
+    /// The plan as a file holds it.
+    pub file: PlanFile,
+    /// What the networks predicted, if they ran.
+    pub guidance: Option<Guidance>,
+    /// The edges of the search trees, for pictures; none from the exact planner.
+    pub edges: Vec<[Point2<f64>; 2]>,
+    /// What a user should know: a device or a sampler was replaced, for example.
+    pub notices: Vec<String>,
+}
+
+/// Why there is no plan.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MissionError {
+    /// The formula speaks of the next letter.
+    #[error(
+        "the task uses X (next), which has no meaning while a robot moves continuously: use U, F and G"
+    )]
+    Next,
+    /// The formula has no automaton: no word satisfies it, or it is too large to translate.
+    #[error(transparent)]
+    Task(#[from] TaskError),
+    /// The robot cannot be where it should start.
+    #[error(transparent)]
+    Start(#[from] StartError),
+    /// The networks cannot be loaded.
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    /// The networks do not fit the mission.
+    #[error(transparent)]
+    Predict(#[from] PredictError),
+    /// The search could not begin, or found nothing.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// The exact planner found nothing.
+    #[error(transparent)]
+    Exact(#[from] crate::exact::Infeasible),
+    /// A plan was found but did not pass the checker: a fault of this program.
+    #[error("a plan was found but refused, please report this as a fault of nngtl: {0}")]
+    Refused(#[from] Refusal),
+}
+
+/// Plans a mission: translates, predicts, searches, verifies.
+///
+/// # Errors
+/// See [`MissionError`].
+pub fn plan(scenario: &Scenario, options: &Options) -> Result<Planned, MissionError> {
+    let began = Instant::now();
+    let task = task(scenario)?;
+    let translate = began.elapsed().as_secs_f64();
+    let mut planned = plan_task(scenario, task, options, &Stop::new(), &mut |_| {})?;
+    if let Some(stats) = &mut planned.file.stats {
+        stats.seconds.translate = translate;
+        stats.seconds.total = began.elapsed().as_secs_f64();
+    }
+    Ok(planned)
+}
+
+/// The scenario's mission as an automaton over the letters of its map.
+///
+/// # Errors
+/// A formula with `X`, or one that is too large to translate.
+pub fn task(scenario: &Scenario) -> Result<Task, MissionError> {
+    if scenario.formula.has_next() {
+        return Err(MissionError::Next);
+    }
+    let letters = Arc::clone(scenario.workspace.alphabet());
+    let task = Task::from_formula(&scenario.formula, letters, &Limits::default())?;
+    Ok(task)
+}
+
+/// As [`plan`], for a task that is translated already or was read from a file. Raising `stop` ends
+/// the search with the best plan so far; `observe` is told how far it is.
+///
+/// # Errors
+/// See [`MissionError`].
+pub fn plan_task(
+    scenario: &Scenario,
+    task: Task,
+    options: &Options,
+    stop: &Stop,
+    observe: &mut dyn FnMut(Progress),
+) -> Result<Planned, MissionError> {
+    let began = Instant::now();
+    let task = Arc::new(task);
+    if options.sampler == SamplerChoice::Exact {
+        return exact(scenario, &task);
+    }
+    let system = Continuous::new(Arc::clone(&scenario.workspace), scenario.start)?;
+    let chosen = guide::choose(scenario, &task, options)?;
+    let problem = Problem {
+        start: system.start(),
+        system: Arc::new(system),
+        task: Arc::clone(&task),
+        weight: scenario.weight,
+    };
+    let searched = Instant::now();
+    let solution = planner::plan(&problem, &chosen.sampler, &options.settings, stop, observe)?;
+    let search = searched.elapsed().as_secs_f64();
+
+    let verified = check(scenario, &task, &solution.path, &solution.cost)?;
+    let mut file = file(scenario, &task, &solution.path, solution.cost);
+    file.sampler = Some(chosen.sampler.name().to_owned());
+    file.seed = Some(options.settings.seed);
+    file.first = solution.stats.first_plan.map(first);
+    file.first_prefix = solution.stats.first_prefix.map(first);
+    let mut stats = stats(&solution.stats);
+    stats.seconds.search = search;
+    let mut guidance = None;
+    if let Some(prediction) = chosen.prediction {
+        file.device = Some(prediction.device);
+        file.model_hash = Some(prediction.model_hash);
+        stats.seconds.encode = prediction.encode;
+        stats.seconds.infer = prediction.infer;
+        guidance = Some(prediction.guidance);
+    }
+    stats.seconds.total = began.elapsed().as_secs_f64();
+    file.stats = Some(stats);
+    Ok(Planned {
+        path: solution.path,
+        verified,
+        file,
+        guidance,
+        edges: solution.edges,
+        notices: chosen.notices,
+    })
+}
+
+/// Plans without sampling.
+fn exact(scenario: &Scenario, task: &Task) -> Result<Planned, MissionError> {
+    let began = Instant::now();
+    let plan = crate::exact::plan(&scenario.workspace, scenario.start, task, scenario.weight)?;
+    let search = began.elapsed().as_secs_f64();
+    let verified = check(scenario, task, &plan.path, &plan.cost)?;
+    let mut file = file(scenario, task, &plan.path, plan.cost);
+    file.sampler = Some("exact".to_owned());
+    let seconds = StageSeconds {
+        search,
+        total: began.elapsed().as_secs_f64(),
+        ..StageSeconds::default()
+    };
+    file.stats = Some(PlanStats {
+        seconds,
+        ..PlanStats::default()
+    });
+    Ok(Planned {
+        path: plan.path,
+        verified,
+        file,
+        guidance: None,
+        edges: Vec::new(),
+        notices: Vec::new(),
+    })
+}
+
+/// The checker, by the formula where there is one.
+fn check(
+    scenario: &Scenario,
+    task: &Task,
+    path: &Path,
+    cost: &Cost,
+) -> Result<Verified, Refusal> {
+    let (map, start, weight) = (&scenario.workspace, scenario.start, scenario.weight);
+    match &task.formula {
+        Some(formula) => verify::verify(map, start, formula, path, weight, Some(cost)),
+        None => verify::verify_automaton(map, start, &task.nba, path, weight, Some(cost)),
+    }
+}
+
+fn file(scenario: &Scenario, task: &Task, path: &Path, cost: Cost) -> PlanFile {
+    PlanFile {
+        scenario: Some(scenario.name.clone()),
+        scenario_hash: Some(scenario.hash.clone()),
+        task: task.formula.as_ref().map(|_| scenario.task.clone()),
+        weight: Some(scenario.weight),
+        cost: Some(cost),
+        ..PlanFile::new(path)
+    }
+}
+
+fn first(first: planner::First) -> First {
+    First {
+        iterations: first.iterations,
+        nodes: first.nodes,
+        seconds: first.seconds,
+        cost: first.cost,
+    }
+}
+
+fn stats(stats: &Stats) -> PlanStats {
+    PlanStats {
+        iterations: stats.iterations,
+        nodes: stats.nodes,
+        sites: stats.sites,
+        seconds: StageSeconds::default(),
+    }
+}
+
+/// The sampler of a search with what it was made from.
+struct Chosen {
+    sampler: Sampler,
+    prediction: Option<Prediction>,
+    notices: Vec<String>,
+}

@@ -1,0 +1,26 @@
+//! Runs programs on the processor.
+//!
+//! One function per operation, of the operation's name; each has a twin of that name in
+//! `shaders/`. Products go through the crate `gemm`.
+
+mod conv2d;
+mod conv_transpose2d;
+mod gat;
+mod linear;
+pub mod math;
+pub mod matmul;
+mod moves;
+mod pool;
+mod regions;
+mod session;
+mod views;
+
+pub use conv_transpose2d::conv_transpose2d;
+pub use conv2d::{Kernel, conv2d};
+pub use gat::gat;
+pub use linear::linear;
+pub use moves::{broadcast, copy_rows, upsample};
+pub use pool::{global_mean_pool, max_pool2d, mean_rows};
+pub use regions::{paint, region_form, region_mean, sign_mean};
+pub use session::Session;
+pub use views::{Mat, MatMut, Planes, PlanesMut, Scratch};

@@ -1,0 +1,71 @@
+//! Operations that move values without arithmetic, or nearly so.
+
+use super::views::{Mat, MatMut, Planes, PlanesMut};
+
+/// Bilinear interpolation, `align_corners = false`: cell `i` of the output has its centre at
+/// `(i + ½)·in/out − ½` of the input, and the border's values go on outside.
+pub fn upsample(x: Planes<'_>, y: PlanesMut<'_>) {
+    let (down, across) = (Axis::new(x.height, y.height), Axis::new(x.width, y.width));
+    for (channel, plane) in y
+        .data
+        .chunks_exact_mut((y.height * y.width).max(1))
+        .enumerate()
+    {
+        let from = x.channel(channel);
+        for (i, line) in plane.chunks_exact_mut(y.width).enumerate() {
+            let (i0, i1, u) = down.at(i);
+            let (upper, lower) = (
+                &from[i0 * x.width..][..x.width],
+                &from[i1 * x.width..][..x.width],
+            );
+            for (j, to) in line.iter_mut().enumerate() {
+                let (j0, j1, v) = across.at(j);
+                let a = upper[j0] + (upper[j1] - upper[j0]) * v;
+                let b = lower[j0] + (lower[j1] - lower[j0]) * v;
+                *to = a + (b - a) * u;
+            }
+        }
+    }
+}
+
+/// Positions along one axis.
+struct Axis {
+    cells: usize,
+    scale: f32,
+}
+
+impl Axis {
+    fn new(from: usize, to: usize) -> Self {
+        Self {
+            cells: from,
+            scale: from as f32 / to.max(1) as f32,
+        }
+    }
+
+    /// The two cells that output cell `i` lies between, and the share of the second.
+    fn at(&self, i: usize) -> (usize, usize, f32) {
+        let place = ((i as f32 + 0.5) * self.scale - 0.5).max(0.0);
+        let first = (place as usize).min(self.cells - 1);
+        (first, (first + 1).min(self.cells - 1), place - first as f32)
+    }
+}
+
+/// Value `c` of the row in every cell of channel `c`, or added to what is there.
+pub fn broadcast(x: &[f32], add: bool, y: PlanesMut<'_>) {
+    let cells = y.height * y.width;
+    for (plane, &value) in y.data.chunks_exact_mut(cells.max(1)).zip(x) {
+        if add {
+            plane.iter_mut().for_each(|v| *v += value);
+        } else {
+            plane.fill(value);
+        }
+    }
+}
+
+/// `y = x`; a single row of `x` goes to every row of `y`.
+pub fn copy_rows(x: Mat<'_>, mut y: MatMut<'_>) {
+    for i in 0..y.rows {
+        let from = x.row(if x.rows == 1 { 0 } else { i });
+        y.row(i).copy_from_slice(from);
+    }
+}

@@ -1,0 +1,298 @@
+//! Runs programs on a graphics adapter, through wgpu.
+//!
+//! Kernels stand in `shaders/`, one per operation, each with a CPU twin of its name. Weights and
+//! values stay on the device: an inference is one upload of the encoded mission, one submission
+//! for both networks, and one read-back. Default limits and no features suffice; a program with a
+//! buffer above the default binding size asks for that much more.
+
+mod adapters;
+pub mod kernels;
+mod layout;
+mod lower;
+mod params;
+mod session;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use adapters::Opened;
+use kernels::{Kernel, Tile, TileRule};
+use layout::Layout;
+use session::{GpuSession, Pipelines};
+
+pub(crate) use adapters::list;
+
+use super::device::{DeviceChoice, DeviceKind, Fallback};
+use super::inputs::Inputs;
+use super::program::Program;
+
+/// How long a submission may take before the device counts as lost.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// An open device with programs on it. Clones share the device and take turns.
+#[derive(Clone, Debug)]
+pub struct Gpu {
+    name: String,
+    kind: DeviceKind,
+    inner: Arc<Mutex<Inner>>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    opened: Opened,
+    layout: Layout,
+    tiles: TileRule,
+    pipelines: Pipelines,
+    sessions: Vec<GpuSession>,
+    readback: Option<wgpu::Buffer>,
+}
+
+impl Gpu {
+    /// Opens the best adapter of the wanted kind and uploads the programs' weights.
+    ///
+    /// # Errors
+    /// No such adapter, or it cannot hold these programs.
+    pub fn open(wanted: DeviceChoice, programs: &[&Program]) -> Result<Self, Fallback> {
+        let buffers = programs.iter().flat_map(|p| {
+            let fixed = p
+                .buffers
+                .iter()
+                .map(|b| b.len(super::program::GraphSize::default()));
+            fixed.chain(p.constants.iter().map(|c| c.len()))
+        });
+        let largest = 4 * buffers.max().unwrap_or(0) as u64;
+        let guarded = |f: &mut dyn FnMut() -> Result<Self, Fallback>| {
+            catch_unwind(AssertUnwindSafe(f)).unwrap_or_else(|_| {
+                let reason = "its driver broke while it was opened".to_owned();
+                Err(Fallback::Unfit {
+                    device: wanted.to_string(),
+                    reason,
+                })
+            })
+        };
+        guarded(&mut || {
+            let opened = adapters::open(wanted, largest)?;
+            let (name, kind) = (opened.name.clone(), opened.kind);
+            let unfit = |reason| Fallback::Unfit {
+                device: name.clone(),
+                reason,
+            };
+            let (device, queue) = (&opened.device, &opened.queue);
+            let made = scoped(device, || {
+                let layout = Layout::new(device);
+                let sessions = programs
+                    .iter()
+                    .map(|p| GpuSession::new(device, queue, p))
+                    .collect();
+                (layout, sessions)
+            });
+            let (layout, sessions) = made.map_err(unfit)?;
+            let inner = Inner {
+                opened,
+                layout,
+                tiles: if kind == DeviceKind::Software {
+                    Tile::for_software
+                } else {
+                    Tile::for_hardware
+                },
+                pipelines: Pipelines::new(),
+                sessions,
+                readback: None,
+            };
+            Ok(Self {
+                name,
+                kind,
+                inner: Arc::new(Mutex::new(inner)),
+            })
+        })
+    }
+
+    /// The adapter's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The kind of adapter.
+    #[must_use]
+    pub fn kind(&self) -> DeviceKind {
+        self.kind
+    }
+
+    /// Replaces the programs on the device, keeping its compiled kernels.
+    ///
+    /// # Errors
+    /// If the device cannot hold them.
+    pub fn reload(&self, programs: &[&Program]) -> Result<(), Fallback> {
+        let mut inner = self.lock();
+        let Opened { device, queue, .. } = &inner.opened;
+        let sessions = scoped(device, || {
+            programs
+                .iter()
+                .map(|p| GpuSession::new(device, queue, p))
+                .collect()
+        });
+        inner.sessions = sessions.map_err(|reason| Fallback::Unfit {
+            device: self.name.clone(),
+            reason,
+        })?;
+        Ok(())
+    }
+
+    /// Replaces the rule by which products get their tiles: to tune it, or to test all of them.
+    pub fn use_tiles(&self, rule: TileRule) {
+        self.lock().tiles = rule;
+    }
+
+    /// Runs the programs that [`Self::open`] was given, each on its inputs, in one submission, and
+    /// returns their outputs.
+    ///
+    /// # Errors
+    /// If the device fails; it is of no use afterwards.
+    pub fn run(
+        &self,
+        programs: &[&Program],
+        inputs: &[Inputs<'_>],
+    ) -> Result<Vec<Vec<f32>>, Fallback> {
+        let mut inner = self.lock();
+        let outcome = catch_unwind(AssertUnwindSafe(|| inner.run(programs, inputs)))
+            .unwrap_or_else(|_| Err("its driver broke".to_owned()));
+        outcome.map_err(|reason| Fallback::Lost {
+            device: self.name.clone(),
+            reason,
+        })
+    }
+
+    /// Destroys the device as if it had been lost: for tests of what happens then.
+    #[doc(hidden)]
+    pub fn lose(&self) {
+        self.lock().opened.device.destroy();
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        // A panic of the driver leaves nothing half done that a later run would trust.
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Inner {
+    fn run(
+        &mut self,
+        programs: &[&Program],
+        inputs: &[Inputs<'_>],
+    ) -> Result<Vec<Vec<f32>>, String> {
+        let Self {
+            opened,
+            layout,
+            tiles,
+            pipelines,
+            sessions,
+            readback,
+        } = self;
+        let Opened {
+            device,
+            queue,
+            trouble,
+            ..
+        } = opened;
+        let sizes: Vec<_> = inputs.iter().map(Inputs::size).collect();
+        let lengths: Vec<u64> = programs
+            .iter()
+            .zip(&sizes)
+            .map(|(p, &s)| GpuSession::output_bytes(p, s))
+            .collect();
+        let total = lengths.iter().sum::<u64>().max(4);
+        if readback.as_ref().is_none_or(|b| b.size() < total) {
+            *readback = None;
+        }
+        scoped(device, || {
+            let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor {
+                label: Some("inference"),
+            });
+            let target = readback.get_or_insert_with(|| readback_buffer(device, total));
+            let mut at = 0;
+            for (((session, program), input), (&size, length)) in sessions
+                .iter_mut()
+                .zip(programs)
+                .zip(inputs)
+                .zip(sizes.iter().zip(&lengths))
+            {
+                let dispatches = session.prepare(device, queue, layout, *tiles, program, input);
+                for dispatch in &dispatches {
+                    let make = || pipeline(device, layout, dispatch.kernel);
+                    pipelines.entry(dispatch.kernel).or_insert_with(make);
+                }
+                session.record(&mut encoder, pipelines, &dispatches);
+                session.record_output(&mut encoder, program, size, target, at);
+                at += length;
+            }
+            queue.submit([encoder.finish()]);
+            target.map_async(wgpu::MapMode::Read, 0..total, |_| {});
+        })?;
+        let wait = wgpu::PollType::Wait {
+            submission_index: None,
+            timeout: Some(PATIENCE),
+        };
+        device.poll(wait).map_err(|e| e.to_string())?;
+        if let Some(reason) = trouble.lock().ok().and_then(|t| t.clone()) {
+            return Err(reason);
+        }
+        let buffer = readback.as_ref().ok_or("no memory to read back to")?;
+        let mut outputs = Vec::new();
+        {
+            let view = buffer
+                .get_mapped_range(0..total)
+                .map_err(|e| e.to_string())?;
+            let mut at = 0;
+            for length in lengths {
+                let bytes = &view[at as usize..(at + length) as usize];
+                outputs.push(bytemuck::pod_collect_to_vec(bytes));
+                at += length;
+            }
+        }
+        buffer.unmap();
+        Ok(outputs)
+    }
+}
+
+fn readback_buffer(device: &wgpu::Device, size: u64) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("results"),
+        size,
+        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
+
+fn pipeline(device: &wgpu::Device, layout: &Layout, kernel: Kernel) -> wgpu::ComputePipeline {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(kernel.name),
+        source: wgpu::ShaderSource::Wgsl(kernel.source().into()),
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(kernel.name),
+        layout: Some(&layout.pipelines),
+        module: &module,
+        entry_point: Some("main"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    })
+}
+
+/// Runs `work` and returns the first error that the device reports meanwhile.
+fn scoped<T>(device: &wgpu::Device, work: impl FnOnce() -> T) -> Result<T, String> {
+    use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
+    let scopes = [Internal, OutOfMemory, Validation].map(|filter| device.push_error_scope(filter));
+    let result = work();
+    // Scopes are popped in the reverse of their order.
+    let mut first = None;
+    for scope in scopes.into_iter().rev() {
+        let error = pollster::block_on(scope.pop());
+        first = first.or(error);
+    }
+    match first {
+        None => Ok(result),
+        Some(error) => Err(error.to_string()),
+    }
+}

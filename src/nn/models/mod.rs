@@ -1,0 +1,42 @@
+//! The architectures, as programs (`docs/networks.md`).
+
+mod automaton;
+mod pathnet;
+mod resnet;
+mod statenet;
+mod unet;
+
+use super::config::Config;
+use super::program::Program;
+use super::weights::{TensorSource, WeightError, WeightFile};
+
+/// A network: its configuration and the program that computes it.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// The configuration.
+    pub config: Config,
+    /// The operations and their weights.
+    pub program: Program,
+}
+
+impl Model {
+    /// Builds the network that a weight file describes.
+    ///
+    /// # Errors
+    /// A false configuration; tensors that are missing, mis-shaped or left over.
+    pub fn new(file: &WeightFile) -> Result<Self, WeightError> {
+        let config = Config::parse(&file.config).map_err(|faults| WeightError {
+            file: file.name.clone(),
+            faults,
+        })?;
+        let (mut program, ()) = TensorSource::build(file, |source, program| match &config {
+            Config::PathPaper(c) => pathnet::paper(source, program, c),
+            Config::PathPaint(c) => pathnet::paint(source, program, c),
+            Config::StatePaper(c) => statenet::paper(source, program, c),
+            Config::StateLookup(c) => statenet::lookup(source, program, c),
+        })?;
+        program.resolution = config.resolution();
+        program.labels = config.labels();
+        Ok(Self { config, program })
+    }
+}

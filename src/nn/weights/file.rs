@@ -1,0 +1,194 @@
+//! Reading a file into tensors.
+
+use std::collections::{BTreeMap, HashSet};
+use std::fmt;
+
+use safetensors::{Dtype, SafeTensors};
+use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
+use sha2::{Digest, Sha256};
+
+use super::{Fault, WeightError};
+
+/// A tensor as it stands in a file, its values as `f32`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tensor {
+    /// The sizes of its axes.
+    pub shape: Vec<usize>,
+    /// `F32` or `F16`, as stored.
+    pub stored: &'static str,
+    /// The values, last axis fastest.
+    pub values: Vec<f32>,
+}
+
+/// The contents of a weight file, checked as far as that is possible without knowing the model.
+#[derive(Debug, Clone)]
+pub struct WeightFile {
+    /// The file's name, for messages.
+    pub name: String,
+    /// The `config` of its metadata.
+    pub config: serde_json::Value,
+    /// The training record of its metadata.
+    pub training: serde_json::Value,
+    /// The digest of the tensor buffer, in hexadecimal.
+    pub sha256: String,
+    /// The tensors by name.
+    pub tensors: BTreeMap<String, Tensor>,
+}
+
+impl WeightFile {
+    /// Reads a file's bytes; `name` stands for the file in messages.
+    ///
+    /// # Errors
+    /// A broken structure, a name that stands twice, missing metadata, a digest that does not
+    /// match, tensors that are not `f32` or `f16`, or that hold NaN or infinite values.
+    pub fn parse(name: &str, bytes: &[u8]) -> Result<Self, WeightError> {
+        let fail = |faults| WeightError {
+            file: name.to_owned(),
+            faults,
+        };
+        let broken = |reason: String| fail(vec![Fault::Structure(reason)]);
+        let (length, header) =
+            SafeTensors::read_metadata(bytes).map_err(|e| broken(e.to_string()))?;
+        let (text, buffer) = bytes[8..].split_at(length);
+        if text.first() != Some(&b'{') {
+            return Err(broken("the header does not begin with `{`".to_owned()));
+        }
+        let mut faults = duplicates(text);
+        let mut entry = |key: &'static str| {
+            let found = header.metadata().as_ref().and_then(|m| m.get(key)).cloned();
+            if found.is_none() {
+                faults.push(Fault::NoMetadata(key));
+            }
+            found.unwrap_or_default()
+        };
+        let (config, training, stated) = (entry("config"), entry("training"), entry("sha256"));
+        let mut json = |entry: &'static str, text: &str| {
+            serde_json::from_str(text).unwrap_or_else(|e| {
+                if !text.is_empty() {
+                    faults.push(Fault::BadMetadata {
+                        entry,
+                        reason: e.to_string(),
+                    });
+                }
+                serde_json::Value::Null
+            })
+        };
+        let (config, training) = (json("config", &config), json("training", &training));
+        let sha256 = hex(&Sha256::digest(buffer));
+        if !stated.is_empty() && stated != sha256 {
+            faults.push(Fault::Digest {
+                found: sha256.clone(),
+                expected: stated,
+            });
+        }
+        let tensors = SafeTensors::deserialize(bytes).map_err(|e| broken(e.to_string()))?;
+        let tensors = tensors
+            .iter()
+            .filter_map(|(name, view)| {
+                let tensor =
+                    read_tensor(name, view.dtype(), view.shape(), view.data(), &mut faults)?;
+                Some((name.to_owned(), tensor))
+            })
+            .collect();
+        if !faults.is_empty() {
+            faults.sort_by_key(ToString::to_string);
+            return Err(fail(faults));
+        }
+        Ok(Self {
+            name: name.to_owned(),
+            config,
+            training,
+            sha256,
+            tensors,
+        })
+    }
+
+    /// How many numbers the tensors hold together.
+    #[must_use]
+    pub fn parameters(&self) -> usize {
+        self.tensors.values().map(|t| t.values.len()).sum()
+    }
+}
+
+fn read_tensor(
+    name: &str,
+    dtype: Dtype,
+    shape: &[usize],
+    data: &[u8],
+    faults: &mut Vec<Fault>,
+) -> Option<Tensor> {
+    let (stored, values): (_, Vec<f32>) = match dtype {
+        Dtype::F32 => {
+            let (words, _) = data.as_chunks::<4>();
+            (
+                "F32",
+                words.iter().map(|&b| f32::from_le_bytes(b)).collect(),
+            )
+        }
+        Dtype::F16 => {
+            let (words, _) = data.as_chunks::<2>();
+            (
+                "F16",
+                words
+                    .iter()
+                    .map(|&b| half::f16::from_le_bytes(b).to_f32())
+                    .collect(),
+            )
+        }
+        other => {
+            faults.push(Fault::Type {
+                name: name.to_owned(),
+                found: format!("{other:?}"),
+            });
+            return None;
+        }
+    };
+    if let Some(first) = values.iter().position(|v| !v.is_finite()) {
+        let count = values.iter().filter(|v| !v.is_finite()).count();
+        faults.push(Fault::NotFinite {
+            name: name.to_owned(),
+            count,
+            first,
+        });
+    }
+    Some(Tensor {
+        shape: shape.to_vec(),
+        stored,
+        values,
+    })
+}
+
+/// The names that stand more than once in a header (JSON readers keep the last one silently).
+fn duplicates(header: &[u8]) -> Vec<Fault> {
+    struct Names(Vec<Fault>);
+    impl<'de> Visitor<'de> for Names {
+        type Value = Vec<Fault>;
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("an object")
+        }
+        fn visit_map<A: MapAccess<'de>>(mut self, mut map: A) -> Result<Self::Value, A::Error> {
+            let mut seen = HashSet::new();
+            while let Some((name, IgnoredAny)) = map.next_entry::<String, IgnoredAny>()? {
+                if let Some(twice) = seen.replace(name) {
+                    self.0.push(Fault::Twice(twice));
+                }
+            }
+            Ok(self.0)
+        }
+    }
+    let mut reader = serde_json::Deserializer::from_slice(header);
+    reader
+        .deserialize_map(Names(Vec::new()))
+        .unwrap_or_else(|e| vec![Fault::Structure(e.to_string())])
+}
+
+/// Bytes in hexadecimal.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    use fmt::Write;
+    bytes
+        .iter()
+        .fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
+            let _ = write!(text, "{byte:02x}"); // writing to a string cannot fail
+            text
+        })
+}

@@ -1,0 +1,631 @@
+//! The drawing itself, as SVG text.
+
+use std::fmt::Write as _;
+
+use nalgebra::Point2;
+
+use super::Picture;
+use super::colour::{self, FAINT, HATCH, INK, OBSTACLE, PREFIX, Rgb, SUFFIX, hex};
+use super::labels::{Board, Px, Rect, text_width};
+use super::legend::{self, Sign};
+use super::raster;
+use crate::alphabet::Letter;
+use crate::plan::{Path, Waypoint, length};
+use crate::workspace::Polygon;
+
+/// The family of the embedded font.
+pub(super) const FONT: &str = "DejaVu Sans";
+
+/// Length of the map's longer side, in pixels.
+const MAP_PIXELS: f64 = 820.0;
+/// Room for the numbers on the left and for nothing on the right.
+const LEFT: f64 = 58.0;
+const RIGHT: f64 = 26.0;
+/// The picture is at least this wide, so that headings fit beside a narrow map.
+const MIN_WIDTH: f64 = 560.0;
+/// Arrowheads keep at least this distance along a path, in pixels.
+const ARROW_SPACING: f64 = 80.0;
+
+/// Which layers are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Layers {
+    /// Everything.
+    All,
+    /// Neither background nor heatmap, which are drawn as pixels below this.
+    WithoutHeatmap,
+}
+
+/// A finished drawing, and where in it the map lies.
+pub(super) struct Drawing {
+    pub(super) text: String,
+    pub(super) width: f64,
+    pub(super) height: f64,
+    pub(super) map_frame: Rect,
+    /// The square that the heatmap's cells divide; it may reach beyond the map.
+    pub(super) heatmap_frame: Rect,
+}
+
+/// From map units to pixels.
+struct Scale {
+    origin: Px,
+    min: Point2<f64>,
+    factor: f64,
+}
+
+impl Scale {
+    fn px(&self, p: Point2<f64>) -> Px {
+        [
+            self.origin[0] + (p.x - self.min.x) * self.factor,
+            self.origin[1] - (p.y - self.min.y) * self.factor,
+        ]
+    }
+
+    fn ring(&self, polygon: &Polygon) -> Vec<Px> {
+        polygon.vertices().iter().map(|&v| self.px(v)).collect()
+    }
+}
+
+pub(super) fn draw(picture: &Picture<'_>, layers: Layers) -> Drawing {
+    let bounds = picture.workspace.bounds();
+    let factor = MAP_PIXELS / bounds.side();
+    let (map_width, map_height) = (bounds.width() * factor, bounds.height() * factor);
+    let width = (LEFT + map_width + RIGHT).max(MIN_WIDTH);
+    let heading = heading(picture, width - LEFT - RIGHT);
+    let top = 18.0 + heading.height;
+    let scale = Scale {
+        origin: [LEFT, top + map_height],
+        min: bounds.min,
+        factor,
+    };
+    let map_frame = Rect {
+        min: [LEFT, top],
+        max: [LEFT + map_width, top + map_height],
+    };
+    let heatmap_frame = Rect {
+        min: [LEFT, top + map_height - MAP_PIXELS],
+        max: [LEFT + MAP_PIXELS, top + map_height],
+    };
+    let legend = legend::draw(
+        &signs(picture),
+        [LEFT, map_frame.max[1] + 40.0],
+        width - LEFT - RIGHT,
+    );
+    let height = map_frame.max[1] + 40.0 + legend.height + 14.0;
+
+    let mut canvas = Canvas {
+        text: String::new(),
+        picture,
+        scale,
+        frame: map_frame,
+    };
+    canvas.open(width, height);
+    if layers == Layers::All {
+        canvas.background(width, height, heatmap_frame);
+    }
+    canvas.text.push_str(&heading.text);
+    canvas.map();
+    canvas.axes();
+    let mut board = canvas.board();
+    canvas.tree();
+    canvas.plan(&mut board);
+    canvas.start(&mut board);
+    canvas.region_names(&mut board);
+    canvas.text.push_str(&legend.text);
+    canvas.text.push_str("</svg>\n");
+    Drawing {
+        text: canvas.text,
+        width,
+        height,
+        map_frame,
+        heatmap_frame,
+    }
+}
+
+/// What the legend explains: what is in the picture, and nothing else.
+fn signs(picture: &Picture<'_>) -> Vec<Sign> {
+    let mut signs = Vec::new();
+    if picture.start.is_some() {
+        signs.push(Sign::Start);
+    }
+    if let Some(path) = picture.path {
+        signs.push(Sign::Prefix(length(&path.prefix)));
+        signs.push(if stays(path) {
+            Sign::Stays
+        } else {
+            Sign::Suffix(length(&path.suffix))
+        });
+    }
+    if !picture.workspace.regions().is_empty() {
+        signs.push(Sign::Region);
+    }
+    if !picture.workspace.obstacles().is_empty() {
+        signs.push(Sign::Obstacle);
+    }
+    if !picture.tree.is_empty() {
+        signs.push(Sign::Tree(picture.tree.len()));
+    }
+    if let Some(heatmap) = picture.heatmap {
+        let peak = heatmap.values.iter().copied().fold(0.0_f32, f32::max);
+        signs.push(Sign::Heatmap(peak));
+    }
+    signs
+}
+
+/// Whether the robot stays where the prefix ends.
+fn stays(path: &Path) -> bool {
+    path.suffix.windows(2).all(|w| w[0].at == w[1].at)
+}
+
+struct Heading {
+    text: String,
+    height: f64,
+}
+
+fn heading(picture: &Picture<'_>, room: f64) -> Heading {
+    let mut text = String::new();
+    let mut height = 0.0;
+    if let Some(title) = &picture.title {
+        height += 26.0;
+        let title = fitted(title, room / 20.0);
+        write_text(
+            &mut text,
+            [LEFT, height - 2.0],
+            &title,
+            "font-size=\"20\" font-weight=\"bold\"",
+        );
+    }
+    if let Some(subtitle) = &picture.subtitle {
+        for line in wrapped(subtitle, room / 15.0, 3) {
+            height += 21.0;
+            write_text(
+                &mut text,
+                [LEFT, height],
+                &line,
+                &format!("font-size=\"15\" fill=\"{}\"", hex(FAINT)),
+            );
+        }
+    }
+    if height > 0.0 {
+        height += 10.0;
+    }
+    Heading { text, height }
+}
+
+/// As much of `text` as fits into `room` (in units of the font size).
+fn fitted(text: &str, room: f64) -> String {
+    if text_width(text) <= room {
+        return text.to_owned();
+    }
+    let mut kept = String::new();
+    for c in text.chars() {
+        kept.push(c);
+        if text_width(&kept) > room - 1.0 {
+            break;
+        }
+    }
+    kept.push('…');
+    kept
+}
+
+/// `text` in at most `lines` lines, broken at spaces.
+fn wrapped(text: &str, room: f64, lines: usize) -> Vec<String> {
+    let mut done: Vec<String> = vec![String::new()];
+    for word in text.split_whitespace() {
+        let current = done.len() - 1;
+        let line = &mut done[current];
+        if line.is_empty() {
+            line.push_str(word);
+        } else if text_width(line) + 0.4 + text_width(word) <= room {
+            line.push(' ');
+            line.push_str(word);
+        } else {
+            done.push(word.to_owned());
+        }
+    }
+    if done.len() > lines {
+        done.truncate(lines);
+        if let Some(last) = done.last_mut() {
+            last.push_str(" …");
+        }
+    }
+    done.iter().map(|line| fitted(line, room)).collect()
+}
+
+/// Appends a text element; `at` is the left end of its baseline unless `style` says otherwise.
+pub(super) fn write_text(out: &mut String, at: Px, text: &str, style: &str) {
+    let _ = writeln!(
+        out,
+        "<text x=\"{:.1}\" y=\"{:.1}\" {style}>{}</text>",
+        at[0],
+        at[1],
+        escaped(text)
+    );
+}
+
+/// `text` as XML character data, without characters that XML does not allow.
+fn escaped(text: &str) -> String {
+    let mut safe = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => safe.push_str("&amp;"),
+            '<' => safe.push_str("&lt;"),
+            '>' => safe.push_str("&gt;"),
+            '"' => safe.push_str("&quot;"),
+            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => safe.push(' '),
+            c => safe.push(c),
+        }
+    }
+    safe
+}
+
+/// SVG path data of a polyline.
+fn polyline(points: &[Px]) -> String {
+    let mut data = String::new();
+    for (i, [x, y]) in points.iter().enumerate() {
+        let _ = write!(data, "{}{x:.2} {y:.2}", if i == 0 { "M" } else { "L" });
+    }
+    data
+}
+
+struct Canvas<'a, 'b> {
+    text: String,
+    picture: &'b Picture<'a>,
+    scale: Scale,
+    frame: Rect,
+}
+
+impl Canvas<'_, '_> {
+    fn add(&mut self, element: std::fmt::Arguments<'_>) {
+        let _ = self.text.write_fmt(element);
+        self.text.push('\n');
+    }
+
+    fn open(&mut self, width: f64, height: f64) {
+        let Rect { min, max } = self.frame;
+        let (ink, hatch, ground) = (hex(INK), hex(HATCH), hex(OBSTACLE));
+        self.add(format_args!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" \
+             viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"{FONT}, Verdana, sans-serif\" fill=\"{ink}\">"
+        ));
+        if let Some(title) = &self.picture.title {
+            let title = escaped(title);
+            self.add(format_args!("<title>{title}</title>"));
+        }
+        self.add(format_args!(
+            "<defs>\
+             <clipPath id=\"map\"><rect x=\"{:.2}\" y=\"{:.2}\" width=\"{:.2}\" height=\"{:.2}\"/></clipPath>\
+             <pattern id=\"hatch\" width=\"8\" height=\"8\" patternUnits=\"userSpaceOnUse\" patternTransform=\"rotate(45)\">\
+             <rect width=\"8\" height=\"8\" fill=\"{ground}\"/><rect width=\"1.6\" height=\"8\" fill=\"{hatch}\"/></pattern>\
+             </defs>",
+            min[0],
+            min[1],
+            max[0] - min[0],
+            max[1] - min[1],
+        ));
+    }
+
+    fn background(&mut self, width: f64, height: f64, square: Rect) {
+        self.add(format_args!(
+            "<rect width=\"{width:.0}\" height=\"{height:.0}\" fill=\"#ffffff\"/>"
+        ));
+        let uri = self.picture.heatmap.and_then(raster::heatmap_data_uri);
+        if let Some(uri) = uri {
+            self.add(format_args!(
+                "<g clip-path=\"url(#map)\"><image x=\"{:.2}\" y=\"{:.2}\" width=\"{:.2}\" height=\"{:.2}\" href=\"{uri}\"/></g>",
+                square.min[0],
+                square.min[1],
+                square.max[0] - square.min[0],
+                square.max[1] - square.min[1],
+            ));
+        }
+    }
+
+    fn map(&mut self) {
+        let workspace = self.picture.workspace;
+        let opacity = if self.picture.heatmap.is_some() {
+            0.4
+        } else {
+            0.8
+        };
+        self.add(format_args!("<g clip-path=\"url(#map)\">"));
+        for (i, region) in workspace.regions().iter().enumerate() {
+            let ring = polyline(&self.scale.ring(&region.polygon));
+            let (fill, border) = (colour::region_fill(i), colour::region_border(i));
+            self.add(format_args!(
+                "<path d=\"{ring}Z\" fill=\"{}\" fill-opacity=\"{opacity}\" stroke=\"{}\" stroke-width=\"1.4\"/>",
+                hex(fill),
+                hex(border)
+            ));
+        }
+        for obstacle in workspace.obstacles() {
+            let ring = polyline(&self.scale.ring(obstacle));
+            self.add(format_args!(
+                "<path d=\"{ring}Z\" fill=\"url(#hatch)\" stroke=\"{}\" stroke-width=\"1.2\"/>",
+                hex(FAINT)
+            ));
+        }
+        self.add(format_args!("</g>"));
+    }
+
+    fn axes(&mut self) {
+        let Rect { min, max } = self.frame;
+        let faint = hex(FAINT);
+        self.add(format_args!(
+            "<rect x=\"{:.2}\" y=\"{:.2}\" width=\"{:.2}\" height=\"{:.2}\" fill=\"none\" stroke=\"{faint}\" stroke-width=\"1.4\"/>",
+            min[0],
+            min[1],
+            max[0] - min[0],
+            max[1] - min[1]
+        ));
+        let bounds = self.picture.workspace.bounds();
+        let step = nice_step(bounds.side() / 5.0);
+        for value in ticks(bounds.min.x, bounds.max.x, step) {
+            let x = self.scale.px(Point2::new(value, bounds.min.y))[0];
+            let y = max[1];
+            self.add(format_args!(
+                "<path d=\"M{x:.2} {y:.2}v5\" stroke=\"{faint}\"/>"
+            ));
+            let style = format!("font-size=\"12\" fill=\"{faint}\" text-anchor=\"middle\"");
+            write_text(&mut self.text, [x, y + 18.0], &number(value, step), &style);
+        }
+        for value in ticks(bounds.min.y, bounds.max.y, step) {
+            let y = self.scale.px(Point2::new(bounds.min.x, value))[1];
+            let x = min[0];
+            self.add(format_args!(
+                "<path d=\"M{x:.2} {y:.2}h-5\" stroke=\"{faint}\"/>"
+            ));
+            let style = format!("font-size=\"12\" fill=\"{faint}\" text-anchor=\"end\"");
+            write_text(
+                &mut self.text,
+                [x - 9.0, y + 4.2],
+                &number(value, step),
+                &style,
+            );
+        }
+    }
+
+    /// What labels must keep clear of.
+    fn board(&self) -> Board {
+        let mut lines = Vec::new();
+        if let Some(path) = self.picture.path {
+            for part in [&path.prefix, &path.suffix] {
+                let points = self.points(part);
+                lines.extend(points.windows(2).map(|w| (w[0], w[1])));
+            }
+        }
+        Board {
+            frame: self.frame,
+            lines,
+            boxes: Vec::new(),
+            walls: self
+                .picture
+                .workspace
+                .obstacles()
+                .iter()
+                .map(|o| self.scale.ring(o))
+                .collect(),
+        }
+    }
+
+    fn points(&self, part: &[Waypoint]) -> Vec<Px> {
+        part.iter().map(|w| self.scale.px(w.at)).collect()
+    }
+
+    fn tree(&mut self) {
+        if self.picture.tree.is_empty() {
+            return;
+        }
+        let mut data = String::new();
+        for &(a, b) in &self.picture.tree {
+            let ([ax, ay], [bx, by]) = (self.scale.px(a), self.scale.px(b));
+            let _ = write!(data, "M{ax:.1} {ay:.1}L{bx:.1} {by:.1}");
+        }
+        self.add(format_args!(
+            "<path d=\"{data}\" fill=\"none\" stroke=\"{}\" stroke-width=\"0.9\" stroke-opacity=\"0.45\"/>",
+            hex(FAINT)
+        ));
+    }
+
+    fn plan(&mut self, board: &mut Board) {
+        let Some(path) = self.picture.path else {
+            return;
+        };
+        let (prefix, suffix) = (self.points(&path.prefix), self.points(&path.suffix));
+        // Both halos first: a suffix that runs along the prefix must not hide it.
+        for line in [&prefix, &suffix] {
+            self.stroke(
+                line,
+                [255, 255, 255],
+                "stroke-width=\"7\" stroke-opacity=\"0.85\"",
+            );
+        }
+        self.stroke(&prefix, PREFIX, "stroke-width=\"3\"");
+        self.stroke(
+            &suffix,
+            SUFFIX,
+            "stroke-width=\"3\" stroke-dasharray=\"10 6\"",
+        );
+        self.waypoints(&prefix, PREFIX);
+        self.arrows(&prefix, PREFIX);
+        if stays(path) {
+            let at = suffix[0];
+            self.ring(at, board);
+        } else {
+            self.waypoints(&suffix, SUFFIX);
+            self.arrows(&suffix, SUFFIX);
+        }
+        self.visits(path, board);
+    }
+
+    fn stroke(&mut self, points: &[Px], colour: Rgb, style: &str) {
+        if points.len() < 2 {
+            return;
+        }
+        let data = polyline(points);
+        self.add(format_args!(
+            "<path d=\"{data}\" fill=\"none\" stroke=\"{}\" stroke-linejoin=\"round\" stroke-linecap=\"round\" {style}/>",
+            hex(colour)
+        ));
+    }
+
+    fn waypoints(&mut self, points: &[Px], colour: Rgb) {
+        for [x, y] in points {
+            self.add(format_args!(
+                "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"2.6\" fill=\"#ffffff\" stroke=\"{}\" stroke-width=\"1.6\"/>",
+                hex(colour)
+            ));
+        }
+    }
+
+    fn arrows(&mut self, points: &[Px], colour: Rgb) {
+        for (at, direction) in arrow_places(points) {
+            let [x, y] = at;
+            let degrees = direction.to_degrees();
+            self.add(format_args!(
+                "<path d=\"M8 0L-6 6L-3 0L-6 -6Z\" transform=\"translate({x:.2} {y:.2}) rotate({degrees:.1})\" \
+                 fill=\"{}\" stroke=\"#ffffff\" stroke-width=\"1\"/>",
+                hex(colour)
+            ));
+        }
+    }
+
+    fn ring(&mut self, at: Px, board: &mut Board) {
+        let [x, y] = at;
+        for (radius, width) in [(15.0, 3.0), (20.0, 1.4)] {
+            self.add(format_args!(
+                "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width}\"/>",
+                hex(SUFFIX)
+            ));
+        }
+        board.boxes.push(Rect::centred(at, 42.0, 42.0));
+        self.label(board, at, 23.0, "stays here", SUFFIX);
+    }
+
+    /// Numbers the visits of regions, in the order in which they happen.
+    fn visits(&mut self, path: &Path, board: &mut Board) {
+        let closing = path.suffix.len() - 1;
+        let prefix = path.prefix.iter().map(|w| (w, PREFIX));
+        let suffix = path.suffix[1.min(closing)..closing]
+            .iter()
+            .map(|w| (w, SUFFIX));
+        // Where the robot starts is no visit, even if it starts in a region.
+        let props_at = |at: Point2<f64>| {
+            let letter = self.picture.workspace.letter_at(at).unwrap_or(Letter(0));
+            self.picture.workspace.alphabet().props(letter)
+        };
+        let mut before = props_at(path.prefix[0].at);
+        let mut badges = Vec::new();
+        for (w, colour) in prefix.chain(suffix) {
+            let props = props_at(w.at);
+            if props.0 & !before.0 != 0 {
+                badges.push((self.scale.px(w.at), colour));
+            }
+            before = props;
+        }
+        for (i, (at, colour)) in badges.into_iter().enumerate() {
+            let [x, y] = at;
+            self.add(format_args!(
+                "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"9.5\" fill=\"{}\" stroke=\"#ffffff\" stroke-width=\"1.5\"/>",
+                hex(colour)
+            ));
+            let style =
+                "font-size=\"12\" font-weight=\"bold\" fill=\"#ffffff\" text-anchor=\"middle\"";
+            write_text(&mut self.text, [x, y + 4.3], &(i + 1).to_string(), style);
+            board.boxes.push(Rect::centred(at, 20.0, 20.0));
+        }
+    }
+
+    fn start(&mut self, board: &mut Board) {
+        let Some(start) = self.picture.start else {
+            return;
+        };
+        let [x, y] = self.scale.px(start);
+        self.add(format_args!(
+            "<path d=\"M{x:.2} {:.2}l8 8l-8 8l-8 -8Z\" fill=\"{}\" stroke=\"#ffffff\" stroke-width=\"1.6\"/>",
+            y - 8.0,
+            hex(INK)
+        ));
+        board.boxes.push(Rect::centred([x, y], 18.0, 18.0));
+        self.label(board, [x, y], 14.0, "start", INK);
+    }
+
+    /// A short text beside a marker.
+    fn label(&mut self, board: &mut Board, at: Px, radius: f64, text: &str, colour: Rgb) {
+        let size = 14.0;
+        let [x, y] = board.place_beside(at, radius, text_width(text) * size, size * 1.1);
+        self.haloed([x, y], text, size, colour);
+    }
+
+    /// Text centred on a point, readable on any ground.
+    fn haloed(&mut self, [x, y]: Px, text: &str, size: f64, colour: Rgb) {
+        let style = format!(
+            "font-size=\"{size}\" font-weight=\"bold\" text-anchor=\"middle\" fill=\"{}\" \
+             stroke=\"#ffffff\" stroke-width=\"3.5\" stroke-linejoin=\"round\" paint-order=\"stroke\"",
+            hex(colour)
+        );
+        write_text(&mut self.text, [x, y + size * 0.36], text, &style);
+    }
+
+    fn region_names(&mut self, board: &mut Board) {
+        for (i, region) in self.picture.workspace.regions().iter().enumerate() {
+            let size = 16.0;
+            let width = text_width(&region.name) * size;
+            let ring = self.scale.ring(&region.polygon);
+            let at = board.place_in(&ring, width + 4.0, size * 1.15);
+            self.haloed(at, &region.name, size, colour::region_border(i));
+        }
+    }
+}
+
+/// Where arrowheads go on a polyline, and which way they point (radians, clockwise from right).
+fn arrow_places(points: &[Px]) -> Vec<(Px, f64)> {
+    let mut places = Vec::new();
+    let mut since_last = ARROW_SPACING / 2.0;
+    let mut longest: Option<(f64, (Px, f64))> = None;
+    for pair in points.windows(2) {
+        let (a, b) = (pair[0], pair[1]);
+        let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+        let leg = dx.hypot(dy);
+        let place = |t: f64| ([a[0] + dx * t, a[1] + dy * t], dy.atan2(dx));
+        if longest.is_none_or(|(l, _)| leg > l) && leg > 0.0 {
+            longest = Some((leg, place(0.5)));
+        }
+        if leg < 16.0 || since_last + leg / 2.0 < ARROW_SPACING {
+            since_last += leg;
+            continue;
+        }
+        // One in the middle of a short leg, several evenly spread over a long one.
+        let count = (leg / (2.0 * ARROW_SPACING)).round().max(1.0) as usize;
+        for k in 0..count {
+            places.push(place((k as f64 + 0.5) / count as f64));
+        }
+        since_last = leg / (2.0 * count as f64);
+    }
+    if places.is_empty() {
+        places.extend(longest.map(|(_, place)| place));
+    }
+    places
+}
+
+/// The nearest of 1, 2, 5 times a power of ten, from above.
+fn nice_step(rough: f64) -> f64 {
+    let power = 10_f64.powf(rough.log10().floor());
+    let factor = [1.0, 2.0, 5.0, 10.0]
+        .into_iter()
+        .find(|f| f * power >= rough * (1.0 - 1e-9))
+        .unwrap_or(10.0);
+    factor * power
+}
+
+fn ticks(from: f64, to: f64, step: f64) -> impl Iterator<Item = f64> {
+    let slack = 1e-9 * step;
+    let first = ((from - slack) / step).ceil();
+    let count = (((to + slack) / step).floor() - first).max(-1.0) as i64;
+    (0..=count).map(move |i| (first + i as f64) * step)
+}
+
+/// A tick's value with the digits that its step needs.
+fn number(value: f64, step: f64) -> String {
+    let digits = (-step.log10().floor()).clamp(0.0, 12.0) as usize;
+    format!("{:.digits$}", value + 0.0)
+}

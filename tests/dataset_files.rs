@@ -1,0 +1,209 @@
+//! Data sets on disk: the same bytes from any number of threads and after any interruption, damage
+//! detected, and every expert plan right by LTL's own semantics.
+
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use nngtl::alphabet::Props;
+use nngtl::dataset::maps::Family;
+use nngtl::dataset::{
+    AutomatonRecord, GenerateConfig, GenerateError, LabelledMission, MANIFEST, Manifest, Outcome,
+    Pair, ReadError, generate, labelled_missions, point, read_manifest, read_shard,
+};
+use nngtl::ltl::semantics;
+use tempfile::TempDir;
+
+fn config(out: &Path) -> GenerateConfig {
+    GenerateConfig {
+        to: 6,
+        shard_maps: 2,
+        threads: 2,
+        missions_per_map: 3,
+        families: Family::ALL.map(|f| (f, 1.0)).to_vec(),
+        ..GenerateConfig::new(out, 11, 0)
+    }
+}
+
+fn run(config: &GenerateConfig) -> Manifest {
+    let outcome = generate(config, &|_| {}, &AtomicBool::new(false)).unwrap();
+    assert!(matches!(outcome, Outcome::Complete(_)));
+    outcome.manifest().clone()
+}
+
+/// The files of a data set with their bytes.
+fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut files: Vec<(String, Vec<u8>)> = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            (name, fs::read(path).unwrap())
+        })
+        .collect();
+    files.sort();
+    files
+}
+
+fn fresh() -> (TempDir, Vec<(String, Vec<u8>)>) {
+    let folder = TempDir::new().unwrap();
+    run(&config(folder.path()));
+    let files = contents(folder.path());
+    (folder, files)
+}
+
+#[test]
+fn threads_do_not_change_a_byte() {
+    let (_folder, files) = fresh();
+    let single = TempDir::new().unwrap();
+    run(&GenerateConfig {
+        threads: 1,
+        ..config(single.path())
+    });
+    assert_eq!(contents(single.path()), files);
+}
+
+#[test]
+fn shards_do_not_change_a_sample_and_parts_are_parts_of_the_whole() {
+    let maps = |folder: &Path| -> Vec<_> {
+        let manifest = read_manifest(folder).unwrap();
+        let read = |shard| read_shard(folder, shard).unwrap();
+        manifest.shards.iter().flat_map(read).collect()
+    };
+    let (folder, _) = fresh();
+    let whole = maps(folder.path());
+    let other = TempDir::new().unwrap();
+    run(&GenerateConfig {
+        shard_maps: 5,
+        ..config(other.path())
+    });
+    assert_eq!(maps(other.path()), whole);
+    let part = TempDir::new().unwrap();
+    let manifest = run(&GenerateConfig {
+        from: 4,
+        ..config(part.path())
+    });
+    assert_eq!(manifest.shards[0].file, "shard-00002.jsonl.gz");
+    assert_eq!(maps(part.path()), whole[4..]);
+}
+
+#[test]
+fn a_run_that_was_stopped_is_finished_by_the_next() {
+    let (_folder, files) = fresh();
+    let folder = TempDir::new().unwrap();
+    let stop = AtomicBool::new(false);
+    let after_three = |p: &nngtl::dataset::Progress| stop.store(p.maps >= 3, Ordering::Relaxed);
+    let outcome = generate(&config(folder.path()), &after_three, &stop).unwrap();
+    assert!(matches!(outcome, Outcome::Stopped(_)));
+    assert!(outcome.manifest().maps < 6);
+    run(&config(folder.path()));
+    assert_eq!(contents(folder.path()), files);
+}
+
+#[test]
+fn what_a_kill_or_a_bad_disk_leaves_is_made_again() {
+    let (folder, files) = fresh();
+    let shard = |k: usize| folder.path().join(format!("shard-0000{k}.jsonl.gz"));
+    // Cut short, missing, and one flipped bit.
+    fs::write(shard(0), &files[1].1[..files[1].1.len() / 2]).unwrap();
+    fs::remove_file(shard(1)).unwrap();
+    let mut bytes = files[3].1.clone();
+    bytes[100] ^= 1;
+    fs::write(shard(2), bytes).unwrap();
+    let manifest = read_manifest(folder.path()).unwrap();
+    for entry in [&manifest.shards[0], &manifest.shards[2]] {
+        let error = read_shard(folder.path(), entry).unwrap_err();
+        assert!(matches!(error, ReadError::Damaged { .. }), "{error}");
+    }
+    let missing = read_shard(folder.path(), &manifest.shards[1]).unwrap_err();
+    assert!(matches!(missing, ReadError::Io { .. }), "{missing}");
+    run(&config(folder.path()));
+    assert_eq!(contents(folder.path()), files);
+    // A kill between the last shard and its manifest: the manifest does not know the shard yet.
+    let mut text: serde_json::Value = serde_json::from_slice(&files[0].1).unwrap();
+    text["shards"].as_array_mut().unwrap().pop();
+    fs::write(folder.path().join(MANIFEST), text.to_string()).unwrap();
+    run(&config(folder.path()));
+    assert_eq!(contents(folder.path()), files);
+}
+
+#[test]
+fn other_settings_never_mix_and_bad_ones_are_refused() {
+    let (folder, _) = fresh();
+    let other = GenerateConfig {
+        seed: 12,
+        ..config(folder.path())
+    };
+    let error = |config: &GenerateConfig| generate(config, &|_| {}, &AtomicBool::new(false)).unwrap_err();
+    assert!(matches!(error(&other), GenerateError::OtherSet { .. }));
+    let empty = TempDir::new().unwrap();
+    let base = config(empty.path());
+    for bad in [
+        GenerateConfig { to: 0, ..base.clone() },
+        GenerateConfig { from: 1, ..base.clone() },
+        GenerateConfig { shard_maps: 0, ..base.clone() },
+        GenerateConfig { missions_per_map: 0, ..base.clone() },
+        GenerateConfig { weight: f64::NAN, ..base.clone() },
+        GenerateConfig { random_share: 1.5, ..base.clone() },
+        GenerateConfig { families: vec![(Family::Paper, 0.0)], ..base.clone() },
+    ] {
+        assert!(matches!(error(&bad), GenerateError::Config(_)));
+    }
+    fs::write(folder.path().join(MANIFEST), r#"{"format": 2}"#).unwrap();
+    let error = read_manifest(folder.path()).unwrap_err();
+    assert!(matches!(error, ReadError::Format { found: 2, .. }), "{error}");
+}
+
+/// The letters along the points: what the robot sees.
+fn trace(mission: &LabelledMission, points: &[Pair]) -> Vec<Props> {
+    let workspace = &mission.workspace;
+    let props = |l| workspace.alphabet().props(l);
+    let mut word = vec![props(workspace.letter_at(point(points[0])).unwrap())];
+    for w in points.windows(2) {
+        let stretches = workspace.trace(point(w[0]), point(w[1])).unwrap();
+        word.extend(stretches.into_iter().map(|s| props(s.letter)));
+    }
+    word
+}
+
+#[test]
+fn every_expert_plan_satisfies_its_formula_and_keeps_the_segment_rule() {
+    let (folder, _) = fresh();
+    let mut count = 0;
+    for mission in labelled_missions(folder.path()).unwrap() {
+        let mission = mission.unwrap();
+        let record = &mission.record;
+        for part in [&record.prefix, &record.suffix] {
+            for w in part.windows(2) {
+                assert!(mission.workspace.step(point(w[0]), point(w[1])), "{}", record.formula);
+            }
+        }
+        assert_eq!(record.prefix[0], record.start);
+        assert_eq!(record.prefix.last(), record.suffix.first());
+        assert_eq!(record.suffix.first(), record.suffix.last());
+        let (prefix, suffix) = (trace(&mission, &record.prefix), trace(&mission, &record.suffix));
+        let alphabet = mission.workspace.alphabet();
+        let holds = semantics::holds(&mission.formula, &prefix, &suffix, alphabet).unwrap();
+        assert!(holds, "map {}: {}", mission.map, record.formula);
+        count += 1;
+    }
+    assert_eq!(count, 18);
+}
+
+#[test]
+fn what_is_read_back_is_what_the_program_makes_of_the_formula() {
+    let (folder, _) = fresh();
+    for mission in labelled_missions(folder.path()).unwrap() {
+        let mission = mission.unwrap();
+        let record = &mission.record;
+        assert_eq!(mission.formula.to_string(), record.formula);
+        let automaton = AutomatonRecord::new(&mission.task, &record.order);
+        assert_eq!(automaton, record.automaton);
+        assert!(record.visited.iter().all(|&q| q < automaton.states));
+        let length = |points: &[Pair]| -> f64 {
+            points.windows(2).map(|w| (point(w[1]) - point(w[0])).norm()).sum()
+        };
+        let cost = 0.2 * length(&record.prefix) + 0.8 * length(&record.suffix);
+        assert!((cost - record.cost).abs() < 1e-6);
+    }
+}

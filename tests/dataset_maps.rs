@@ -1,0 +1,85 @@
+//! What every drawn map promises, for each family.
+
+use nalgebra::Point2;
+use nngtl::dataset::maps::{Family, GRID, MAX_REGIONS, MapShapes, draw_map, draw_start};
+use nngtl::exact::{ExactConfig, Roadmap};
+use nngtl::random::generator;
+use nngtl::workspace::Polygon;
+
+const MAPS: u64 = 25;
+
+fn each_map(mut check: impl FnMut(u64, &MapShapes)) {
+    for family in Family::ALL {
+        for seed in 0..MAPS {
+            check(seed, &draw_map(family, &mut generator(seed, 7)));
+        }
+    }
+}
+
+fn vertices(map: &MapShapes) -> impl Iterator<Item = &Point2<f64>> {
+    map.obstacles.iter().chain(&map.regions).flat_map(Polygon::vertices)
+}
+
+#[test]
+fn coordinates_lie_on_the_grid_in_the_unit_square() {
+    each_map(|seed, map| {
+        for v in vertices(map) {
+            for c in [v.x, v.y] {
+                assert!((0.0..=1.0).contains(&c), "{} {seed}: {v}", map.family);
+                assert_eq!(c, (c * GRID).round() / GRID);
+            }
+        }
+    });
+}
+
+#[test]
+fn regions_overlap_nothing() {
+    each_map(|seed, map| {
+        let workspace = map.workspace().unwrap();
+        assert_eq!(workspace.alphabet().len(), map.regions.len() + 1, "{} {seed}", map.family);
+        assert!(workspace.hidden_regions().is_empty());
+        for (i, region) in map.regions.iter().enumerate() {
+            let letter = workspace.alphabet().letters_with(i).iter().next().unwrap();
+            let free: f64 = workspace.cells(letter).iter().map(|c| c.area()).sum();
+            assert!((free - region.area()).abs() < 1e-6, "{} {seed}: region {i}", map.family);
+        }
+    });
+}
+
+#[test]
+fn the_papers_maps_have_two_obstacles_and_seven_regions_on_a_grid_of_200() {
+    for seed in 0..MAPS {
+        let map = draw_map(Family::Paper, &mut generator(seed, 0));
+        assert_eq!((map.obstacles.len(), map.regions.len()), (2, MAX_REGIONS));
+        assert!(vertices(&map).all(|v| ((v.x * 200.0).fract() == 0.0) || (v.x * 200.0 - (v.x * 200.0).round()).abs() < 1e-9));
+    }
+}
+
+#[test]
+fn nearly_every_map_can_be_reached_as_a_whole() {
+    let mut whole = 0;
+    each_map(|seed, map| {
+        let workspace = map.workspace().unwrap();
+        let start = draw_start(&workspace, &mut generator(seed, 8));
+        assert!(workspace.letter_at(start).is_some());
+        let roadmap = Roadmap::new(&workspace, ExactConfig::default());
+        whole += usize::from(roadmap.reachable(start).len() == map.regions.len());
+    });
+    assert!(whole * 10 >= 9 * MAPS as usize * Family::ALL.len(), "{whole}");
+}
+
+#[test]
+fn families_differ_and_some_shapes_are_not_convex() {
+    let turns_right = |p: &Polygon| {
+        let v = p.vertices();
+        let n = v.len();
+        (0..n).any(|i| (v[(i + 1) % n] - v[i]).perp(&(v[(i + 2) % n] - v[(i + 1) % n])) < 0.0)
+    };
+    let (mut crowded, mut concave, mut large) = (0, 0, 0);
+    each_map(|_, map| {
+        crowded += usize::from(map.obstacles.len() >= 8);
+        concave += map.regions.iter().filter(|r| turns_right(r)).count();
+        large += map.regions.iter().filter(|r| r.area() > 0.02).count();
+    });
+    assert!(crowded > 20 && concave > 20 && large > 10, "{crowded} {concave} {large}");
+}

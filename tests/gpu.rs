@@ -1,0 +1,243 @@
+//! Everything that needs an adapter: one binary, one device, one test at a time.
+//!
+//! Without an adapter the tests print that they are skipped; with `NNGTL_REQUIRE_GPU_TESTS=1` in
+//! the environment they fail instead. A hardware GPU is taken if there is one, else a software
+//! adapter (Mesa's lavapipe).
+#![cfg(feature = "gpu")]
+#![allow(clippy::print_stdout)] // tells which adapter was tested, and what was skipped
+
+mod common;
+
+use std::sync::{Mutex, MutexGuard, OnceLock};
+
+use nalgebra::Point2;
+use nngtl::encoding::{AutomatonGraph, MapInput};
+use nngtl::nn::Predictor;
+use nngtl::nn::device::{DeviceChoice, DeviceKind, Fallback};
+use nngtl::nn::gpu::Gpu;
+use nngtl::nn::gpu::kernels::Tile;
+use nngtl::nn::inputs::Inputs;
+use nngtl::nn::program::Program;
+
+/// How far an adapter's probabilities may be from PyTorch's: its order of summation and its
+/// exponential are its own.
+const MODEL_TOLERANCE: f32 = 5e-5;
+
+type Shared = Option<(DeviceChoice, Mutex<Gpu>)>;
+
+/// The device that all tests share, or a printed line.
+fn device(test: &str) -> Option<(DeviceChoice, MutexGuard<'static, Gpu>)> {
+    static DEVICE: OnceLock<Shared> = OnceLock::new();
+    let shared = DEVICE.get_or_init(|| {
+        let found = [DeviceChoice::Gpu, DeviceChoice::Software]
+            .into_iter()
+            .find_map(|choice| {
+                let gpu = Gpu::open(choice, &[]).ok()?;
+                println!("testing on {} ({:?})", gpu.name(), gpu.kind());
+                Some((choice, Mutex::new(gpu)))
+            });
+        let required = std::env::var("NNGTL_REQUIRE_GPU_TESTS").is_ok_and(|v| v == "1");
+        assert!(
+            found.is_some() || !required,
+            "NNGTL_REQUIRE_GPU_TESTS=1, and there is no adapter"
+        );
+        found
+    });
+    match shared {
+        Some((choice, gpu)) => Some((
+            *choice,
+            gpu.lock()
+                .unwrap_or_else(std::sync::PoisonError::into_inner),
+        )),
+        None => {
+            println!("skipped: {test} (no adapter)");
+            None
+        }
+    }
+}
+
+fn run(gpu: &Gpu, program: &Program, inputs: &Inputs<'_>) -> Vec<f32> {
+    gpu.reload(&[program]).unwrap();
+    gpu.run(&[program], &[*inputs]).unwrap().remove(0)
+}
+
+#[test]
+fn every_operation_agrees_with_pytorch() {
+    let Some((_, gpu)) = device("every_operation_agrees_with_pytorch") else {
+        return;
+    };
+    for case in common::ops::cases() {
+        case.check(&mut |program, inputs| run(&gpu, program, inputs));
+    }
+}
+
+#[test]
+fn every_tile_agrees_with_pytorch() {
+    let Some((choice, gpu)) = device("every_tile_agrees_with_pytorch") else {
+        return;
+    };
+    // What a software adapter never picks by itself, and a hardware GPU hardly for small shapes.
+    gpu.use_tiles(Tile::for_hardware);
+    for case in common::ops::cases() {
+        case.check(&mut |program, inputs| run(&gpu, program, inputs));
+    }
+    gpu.use_tiles(|_, _| Tile {
+        rows: 16,
+        columns: 16,
+    });
+    for case in common::ops::cases() {
+        case.check(&mut |program, inputs| run(&gpu, program, inputs));
+    }
+    if choice == DeviceChoice::Software {
+        gpu.use_tiles(Tile::for_software);
+    }
+}
+
+#[test]
+fn guidance_is_that_of_the_cpu_and_survives_the_loss_of_the_device() {
+    let test = "guidance_is_that_of_the_cpu_and_survives_the_loss_of_the_device";
+    let Some((choice, _turn)) = device(test) else {
+        return;
+    };
+    let file = |name: &str| {
+        std::fs::read(common::goldens().join(format!("models/{name}.safetensors"))).unwrap()
+    };
+    let (path, state) = (file("pathnet-paint-200"), file("statenet-lookup"));
+    let files = [("path", path.as_slice()), ("state", state.as_slice())];
+    let mut device = Predictor::from_bytes(files, choice).unwrap();
+    let mut cpu = Predictor::from_bytes(files, DeviceChoice::Cpu).unwrap();
+    assert_ne!(device.device(), "cpu");
+    let region = [(0.6, 0.6), (0.8, 0.6), (0.7, 0.8)].map(|(x, y)| Point2::new(x, y));
+    let map = MapInput {
+        bounds: [Point2::origin(), Point2::new(1.0, 1.0)],
+        obstacles: vec![],
+        regions: vec![&region],
+        start: Point2::new(0.1, 0.1),
+    };
+    // A small automaton, then a large one, then the small one again: buffers grow and stay.
+    for count in [2u32, 300, 2] {
+        let graph = AutomatonGraph {
+            regions: 1,
+            states: (0..count)
+                .map(|q| [f32::from(u8::from(q == 0)), 0.0, 0.5])
+                .collect(),
+            literals: (0..3 * count).map(|t| (t % 3) as i8 - 1).collect(),
+            ends: (0..3 * count).map(|t| (t % count, t * 7 % count)).collect(),
+        };
+        let ours = device.predict(&map, &graph).unwrap().0;
+        let expected = cpu.predict(&map, &graph).unwrap().0;
+        let error = common::difference(&ours.heatmap.values, &expected.heatmap.values);
+        assert!(error < MODEL_TOLERANCE, "heatmap off by {error}");
+        let error = common::difference(&ours.states, &expected.states);
+        assert!(error < MODEL_TOLERANCE, "states off by {error}");
+        assert_eq!(device.take_notice(), None);
+    }
+    device.lose_device();
+    let graph = AutomatonGraph {
+        regions: 1,
+        states: vec![[1.0; 3]],
+        literals: vec![1],
+        ends: vec![(0, 0)],
+    };
+    let ours = device.predict(&map, &graph).unwrap().0;
+    assert_eq!(
+        ours,
+        cpu.predict(&map, &graph).unwrap().0,
+        "the CPU takes over"
+    );
+    assert_eq!(device.device(), "cpu");
+    assert!(matches!(device.take_notice(), Some(Fallback::Lost { .. })));
+    assert_eq!(device.take_notice(), None, "told once");
+}
+
+#[test]
+fn adapters_can_be_listed() {
+    let Some((choice, _turn)) = device("adapters_can_be_listed") else {
+        return;
+    };
+    let adapters = nngtl::nn::device::adapters();
+    for adapter in &adapters {
+        println!("{adapter:?}");
+    }
+    let software = |kind| kind == DeviceKind::Software;
+    assert!(
+        adapters
+            .iter()
+            .any(|a| software(a.kind) == (choice == DeviceChoice::Software))
+    );
+}
+
+#[test]
+fn a_device_that_is_not_there_is_told_and_replaced() {
+    // In another process, where no Vulkan driver can be found (other interfaces may have some).
+    let exe = std::env::current_exe().unwrap();
+    let child = std::process::Command::new(exe)
+        .args(["--exact", "child_without_a_driver", "--include-ignored"])
+        .env("VK_ICD_FILENAMES", "none.json")
+        .env("VK_DRIVER_FILES", "none.json")
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&child.stdout);
+    assert!(child.status.success(), "{text}");
+    assert!(text.contains("1 passed"), "{text}");
+}
+
+#[test]
+#[ignore = "run by a_device_that_is_not_there_is_told_and_replaced in a process of its own"]
+fn child_without_a_driver() {
+    if !nngtl::nn::device::adapters().is_empty() {
+        return;
+    }
+    for choice in [DeviceChoice::Gpu, DeviceChoice::Software] {
+        let reason = Gpu::open(choice, &[])
+            .map(|gpu| gpu.name().to_owned())
+            .unwrap_err();
+        assert_eq!(reason, Fallback::NoAdapter { wanted: choice });
+    }
+}
+
+#[test]
+fn every_network_agrees_with_pytorch() {
+    let Some((_, gpu)) = device("every_network_agrees_with_pytorch") else {
+        return;
+    };
+    for golden in common::model_goldens() {
+        let inputs = Inputs {
+            map: &golden.map,
+            graph: &golden.graph,
+            given: &[],
+        };
+        let program = &golden.model.program;
+        let first = run(&gpu, program, &inputs);
+        let error = common::difference(&first, &golden.output);
+        println!("{}: {error:.1e}", golden.name);
+        assert!(error < MODEL_TOLERANCE, "{}: off by {error}", golden.name);
+        // A second run finds all buffers full and must not see what the first left there.
+        assert_eq!(
+            gpu.run(&[program], &[inputs]).unwrap().remove(0),
+            first,
+            "{}",
+            golden.name
+        );
+    }
+}
+
+#[test]
+fn a_device_that_is_lost_says_so() {
+    // Waits its turn: devices of one process share a driver.
+    let Some((choice, _turn)) = device("a_device_that_is_lost_says_so") else {
+        return;
+    };
+    let golden = common::model_goldens().remove(0);
+    let inputs = Inputs {
+        map: &golden.map,
+        graph: &golden.graph,
+        given: &[],
+    };
+    let programs = [&golden.model.program];
+    let gpu = Gpu::open(choice, &programs).unwrap();
+    assert!(gpu.run(&programs, &[inputs]).is_ok());
+    gpu.lose();
+    let reason = gpu.run(&programs, &[inputs]).unwrap_err();
+    assert!(matches!(reason, Fallback::Lost { .. }), "{reason}");
+}

@@ -1,0 +1,281 @@
+//! Weight files that are at fault: every one is refused with all that is wrong, none panics.
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use nngtl::nn::models::Model;
+use nngtl::nn::weights::{Fault, WeightError, WeightFile};
+use proptest::prelude::*;
+use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use sha2::{Digest, Sha256};
+
+const NETWORK: &str = "pathnet-paint";
+
+fn bytes() -> Vec<u8> {
+    std::fs::read(common::goldens().join(format!("models/{NETWORK}.safetensors"))).unwrap()
+}
+
+/// A weight file taken apart, to be put together again with faults.
+struct Parts {
+    tensors: BTreeMap<String, (Dtype, Vec<usize>, Vec<u8>)>,
+    metadata: BTreeMap<String, String>,
+}
+
+impl Parts {
+    fn new() -> Self {
+        let bytes = bytes();
+        let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
+        let metadata = header.metadata().clone().unwrap().into_iter().collect();
+        let tensors = SafeTensors::deserialize(&bytes).unwrap();
+        let tensors = tensors
+            .iter()
+            .map(|(name, t)| {
+                (
+                    name.to_owned(),
+                    (t.dtype(), t.shape().to_vec(), t.data().to_vec()),
+                )
+            })
+            .collect();
+        Self { tensors, metadata }
+    }
+
+    /// The file, with the digest of its tensors unless the metadata name one.
+    fn assemble(&self) -> Vec<u8> {
+        let write = |metadata: BTreeMap<String, String>| {
+            let views = self.tensors.iter().map(|(name, (dtype, shape, data))| {
+                (
+                    name.clone(),
+                    TensorView::new(*dtype, shape.clone(), data).unwrap(),
+                )
+            });
+            safetensors::serialize(views, Some(metadata.into_iter().collect())).unwrap()
+        };
+        let mut metadata = self.metadata.clone();
+        let plain = write(BTreeMap::new());
+        let (length, _) = SafeTensors::read_metadata(&plain).unwrap();
+        let digest = Sha256::digest(&plain[8 + length..]);
+        let digest = digest
+            .iter()
+            .map(|b| format!("{b:02x}"))
+            .collect::<String>();
+        metadata.insert("sha256".to_owned(), digest);
+        write(metadata)
+    }
+
+    fn config(&mut self, change: impl FnOnce(&mut serde_json::Map<String, serde_json::Value>)) {
+        let text = self.metadata.get_mut("config").unwrap();
+        let mut config: serde_json::Value = serde_json::from_str(text).unwrap();
+        change(config.as_object_mut().unwrap());
+        *text = config.to_string();
+    }
+
+    fn values(&mut self, name: &str) -> &mut Vec<u8> {
+        &mut self.tensors.get_mut(name).unwrap().2
+    }
+}
+
+fn load(bytes: &[u8]) -> Result<Model, WeightError> {
+    Model::new(&WeightFile::parse("weights", bytes)?)
+}
+
+fn faults(bytes: &[u8]) -> Vec<Fault> {
+    let error = load(bytes).unwrap_err();
+    assert!(!error.faults.is_empty());
+    assert!(error.to_string().starts_with("weights: "), "{error}");
+    error.faults
+}
+
+#[test]
+fn an_untouched_file_loads() {
+    assert!(load(&bytes()).is_ok());
+    assert!(load(&Parts::new().assemble()).is_ok());
+}
+
+#[test]
+fn all_faults_of_the_tensors_are_told_by_name() {
+    let mut parts = Parts::new();
+    let head = parts.tensors.remove("head.weight").unwrap();
+    parts.tensors.insert("head.wieght".to_owned(), head);
+    let (_, shape, data) = parts.tensors.get_mut("condition.bias").unwrap();
+    shape[0] -= 1;
+    data.truncate(4 * shape[0]);
+    let faults = faults(&parts.assemble());
+    let text: Vec<String> = faults.iter().map(ToString::to_string).collect();
+    assert_eq!(faults.len(), 3, "{text:?}");
+    assert!(
+        faults
+            .iter()
+            .any(|f| matches!(f, Fault::Missing { name, .. } if name == "head.weight"))
+    );
+    assert!(faults.contains(&Fault::Unused("head.wieght".to_owned())));
+    assert!(
+        faults
+            .iter()
+            .any(|f| matches!(f, Fault::Shape { name, .. } if name == "condition.bias"))
+    );
+}
+
+#[test]
+fn values_that_are_not_finite_are_told_with_their_place() {
+    let mut parts = Parts::new();
+    parts.values("condition.bias")[4..8].copy_from_slice(&f32::NAN.to_le_bytes());
+    parts.values("head.bias")[..4].copy_from_slice(&f32::NEG_INFINITY.to_le_bytes());
+    let faults = faults(&parts.assemble());
+    assert!(faults.contains(&Fault::NotFinite {
+        name: "condition.bias".to_owned(),
+        count: 1,
+        first: 1
+    }));
+    assert!(faults.contains(&Fault::NotFinite {
+        name: "head.bias".to_owned(),
+        count: 1,
+        first: 0
+    }));
+}
+
+#[test]
+fn a_negative_variance_is_told() {
+    let mut parts = Parts::new();
+    parts.values("encoder.0.norm.running_var")[..4].copy_from_slice(&(-1f32).to_le_bytes());
+    assert_eq!(
+        faults(&parts.assemble()),
+        [Fault::Variance("encoder.0.norm.running_var".to_owned())]
+    );
+}
+
+#[test]
+fn other_types_are_told_and_halves_are_read() {
+    let mut parts = Parts::new();
+    for (dtype, _, data) in parts.tensors.values_mut() {
+        let words = data
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .map(|&b| half::f16::from_f32(f32::from_le_bytes(b)));
+        *data = words.flat_map(half::f16::to_le_bytes).collect();
+        *dtype = Dtype::F16;
+    }
+    assert!(load(&parts.assemble()).is_ok());
+    parts.tensors.get_mut("head.bias").unwrap().0 = Dtype::BF16;
+    assert!(
+        matches!(&faults(&parts.assemble())[..], [Fault::Type { name, .. }] if name == "head.bias")
+    );
+}
+
+#[test]
+fn a_flipped_bit_in_the_tensors_breaks_the_digest() {
+    let mut bytes = bytes();
+    let last = bytes.len() - 4;
+    bytes[last] ^= 1;
+    assert!(matches!(faults(&bytes)[..], [Fault::Digest { .. }]));
+}
+
+#[test]
+fn metadata_that_is_missing_or_broken_is_told() {
+    let mut parts = Parts::new();
+    parts.metadata.remove("training");
+    parts.metadata.insert("config".to_owned(), "{".to_owned());
+    let faults = faults(&parts.assemble());
+    assert!(faults.contains(&Fault::NoMetadata("training")));
+    assert!(faults.iter().any(|f| matches!(
+        f,
+        Fault::BadMetadata {
+            entry: "config",
+            ..
+        }
+    )));
+}
+
+#[test]
+fn versions_and_sizes_of_the_config_are_checked() {
+    let mut parts = Parts::new();
+    parts.config(|c| {
+        c["encoding"] = 2.into();
+        c["labels"] = 0.into();
+        c["widths"] = vec![16u64, 1 << 40].into();
+    });
+    let faults = faults(&parts.assemble());
+    assert!(faults.iter().any(|f| matches!(
+        f,
+        Fault::Version {
+            what: "encoding",
+            found: 2,
+            ..
+        }
+    )));
+    assert!(faults.iter().any(|f| matches!(
+        f,
+        Fault::Config {
+            field: "labels",
+            ..
+        }
+    )));
+    assert!(faults.iter().any(|f| matches!(
+        f,
+        Fault::Config {
+            field: "widths",
+            ..
+        }
+    )));
+}
+
+#[test]
+fn a_name_that_stands_twice_is_told() {
+    let bytes = bytes();
+    let (length, _) = SafeTensors::read_metadata(&bytes).unwrap();
+    let header = std::str::from_utf8(&bytes[8..8 + length])
+        .unwrap()
+        .trim_end();
+    let twice = header.replacen(
+        "\"head.bias\":",
+        "\"head.bias\":{\"dtype\":\"F32\",\"shape\":[1],\"data_offsets\":[0,4]},\"head.bias\":",
+        1,
+    );
+    assert_ne!(twice, header);
+    let mut broken = (twice.len() as u64).to_le_bytes().to_vec();
+    broken.extend(twice.as_bytes());
+    broken.extend(&bytes[8 + length..]);
+    assert!(faults(&broken).contains(&Fault::Twice("head.bias".to_owned())));
+}
+
+#[test]
+fn every_truncation_is_refused() {
+    let bytes = bytes();
+    for length in (0..64).chain((64..bytes.len()).step_by(997)) {
+        assert!(load(&bytes[..length]).is_err(), "{length} bytes");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    #[test]
+    fn changed_bytes_never_panic(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6)) {
+        let mut bytes = bytes();
+        // Most of a file is numbers; what can break a reader is the header.
+        let header = u64::from_le_bytes(bytes[..8].try_into().unwrap()) as usize + 8;
+        for (index, value) in changes {
+            bytes[index.index(header)] = value;
+        }
+        let _ = load(&bytes);
+    }
+
+    #[test]
+    fn any_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..300), header in 0u64..400) {
+        let mut framed = header.to_le_bytes().to_vec();
+        framed.extend(&bytes);
+        prop_assert!(load(&framed).is_err());
+        prop_assert!(load(&bytes).is_err());
+    }
+
+    #[test]
+    fn changed_numbers_of_the_config_never_panic(key in any::<prop::sample::Index>(), number in prop_oneof![0u64..300, any::<u64>()], list in any::<bool>()) {
+        let mut parts = Parts::new();
+        parts.config(|c| {
+            let key = c.keys().nth(key.index(c.len())).unwrap().clone();
+            c[&key] = if list { vec![number; 3].into() } else { number.into() };
+        });
+        let _ = load(&parts.assemble());
+    }
+}

@@ -1,0 +1,87 @@
+"""Weight files: safetensors with config, training record and digest (docs/networks.md, *Files*)."""
+
+import argparse
+import hashlib
+import json
+from pathlib import Path
+
+import torch
+from safetensors import safe_open
+from safetensors.torch import save
+
+from . import models
+
+FORMAT, ENCODING = 1, 1
+TRAINING_ONLY = ("dropout",)
+
+
+def buffer_digest(data):
+    """The hex SHA-256 of what follows the header of a safetensors file's bytes."""
+    header = int.from_bytes(data[:8], "little")
+    return hashlib.sha256(data[8 + header :]).hexdigest()
+
+
+def tensors(model):
+    """What a file holds of a model: parameters and running statistics, as f32."""
+    return {
+        name: value.detach().to("cpu", torch.float32).contiguous()
+        for name, value in model.state_dict().items()
+        if not name.endswith("num_batches_tracked")
+    }
+
+
+def write(path, model, training=None, extra=None):
+    """Writes a weight file; ``extra`` joins the config (for instance ``{"power": 4}``)."""
+    config = {"format": FORMAT, "encoding": ENCODING, **model.config, **(extra or {})}
+    for key in TRAINING_ONLY:
+        config.pop(key, None)
+    held = tensors(model)
+    wrong = [name for name, value in held.items() if not bool(torch.isfinite(value).all())]
+    if wrong:
+        raise ValueError(f"{path}: not written, values are not finite in {', '.join(wrong)}")
+    metadata = {
+        "config": json.dumps(config),
+        "training": json.dumps(training or {}),
+        "sha256": buffer_digest(save(held)),
+    }
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(save(held, metadata))
+
+
+def read(path):
+    """The model of a weight file and its training record, after checking digest, names and shapes."""
+    path = Path(path)
+    with safe_open(path, "pt") as file:
+        metadata = file.metadata() or {}
+        held = {name: file.get_tensor(name) for name in file.keys()}
+    if metadata.get("sha256") != buffer_digest(path.read_bytes()):
+        raise ValueError(f"{path}: the tensors do not have the digest that the file names: fetch it again")
+    config = json.loads(metadata["config"])
+    for key, expected in (("format", FORMAT), ("encoding", ENCODING)):
+        if config.pop(key, None) != expected:
+            raise ValueError(f"{path}: {key} is not {expected}")
+    model = models.build(config)
+    missing, unused = model.load_state_dict(held, strict=False)
+    missing = [name for name in missing if not name.endswith("num_batches_tracked")]
+    if missing or unused:
+        raise ValueError(f"{path}: missing tensors {missing}, unknown tensors {unused}")
+    return model.eval(), json.loads(metadata["training"])
+
+
+def main(arguments=None):
+    parser = argparse.ArgumentParser(description="Writes the weight file of a training run.")
+    parser.add_argument("run", type=Path, help="folder that nngtl-train wrote")
+    parser.add_argument("out", type=Path, help="weight file, for example models/compact/pathnet.safetensors")
+    parser.add_argument("--power", type=float, help="exponent that inference applies to the heatmap")
+    options = parser.parse_args(arguments)
+    state = torch.load(options.run / "checkpoint.pt", map_location="cpu", weights_only=False)
+    model = models.build(state["config"]["network"])
+    model.load_state_dict(state["model"])
+    extra = {} if options.power is None else {"power": options.power}
+    write(options.out, model, state["record"], extra)
+    print(f"{options.out}: {options.out.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()

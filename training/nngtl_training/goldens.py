@@ -1,0 +1,144 @@
+"""Whole-network goldens: small random networks, an input and PyTorch's output, for the Rust tests.
+
+``python -m nngtl_training.goldens tests/goldens/models`` writes, for each network, ``NAME.safetensors`` (a weight file as any other)
+and ``NAME.io.safetensors``: ``raster`` (1 + labels, R, R) i8, ``states`` (S, 3) f32, ``transitions`` (T, labels) i8, ``source`` and ``target`` (T) i32,
+``output``: heatmap (side, side) or state probabilities (S), f32.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors.torch import save
+from torch.nn import functional as F
+
+from . import batches, export, models, raster
+from .graph import Graphs
+
+PAINT = dict(
+    kind="pathnet", variant="paint", labels=3, resolution=50, graph=[8, 6], reverse=True, look=25, embedding=4,
+    widths=[4, 6, 8], stem=2, middle=1, top=3, output=100,
+)  # fmt: skip
+PATH = dict(
+    kind="pathnet", variant="paper", labels=3, resolution=100, n1=1, graph=[4, 5, 6, 5, 4], fusion="dense", skip="third"
+)
+LOOKUP = dict(
+    kind="statenet", variant="lookup", labels=3, resolution=100, widths=[4, 6, 8], stem=2, middle=1, stop=1,
+    graph=[8, 8], reverse=True, head=6,
+)  # fmt: skip
+STATE = dict(
+    kind="statenet", variant="paper", labels=3, resolution=64, trunk="bottleneck", trunk_widths=[2, 3, 4, 4],
+    trunk_blocks=[2, 1, 1, 1], map_feature=6, first=8, graph=[8, 8],
+)  # fmt: skip
+
+GOLDENS = {
+    "pathnet-paint": PAINT,
+    "pathnet-paint-stem1": {**PAINT, "stem": 1, "resolution": 50, "widths": [3, 4, 6, 8], "middle": 2, "reverse": False, "look": 0},
+    "pathnet-paint-200": {**PAINT, "resolution": 100, "labels": 7, "output": 200},
+    "pathnet-paper": PATH,
+    "pathnet-paper-broadcast": {**PATH, "fusion": "broadcast", "skip": "none", "resolution": 64, "n1": 2},
+    "pathnet-paper-200": {**PATH, "resolution": 200, "labels": 2, "graph": [3, 3, 3, 3, 3]},
+    "statenet-lookup": LOOKUP,
+    "statenet-lookup-stem1": {**LOOKUP, "stem": 1, "resolution": 48, "widths": [4, 6], "stop": 0, "reverse": False, "middle": 0},
+    "statenet-paper-bottleneck": STATE,
+    "statenet-paper-basic": {**STATE, "trunk": "basic", "trunk_blocks": [1, 2, 1, 1], "resolution": 50},
+}
+
+
+def randomise(model):
+    """Weights and running statistics that leave no part of a network idle and saturate nothing."""
+    for name, value in model.state_dict().items():
+        if name.endswith("running_mean"):
+            value.normal_(0, 0.2)
+        elif name.endswith("running_var"):
+            value.uniform_(0.5, 1.5)
+        elif name.endswith(("norm.weight", "bn1.weight", "bn2.weight", "bn3.weight")) or ".downsample.1.weight" in name:
+            value.uniform_(0.7, 1.3)
+        elif ".att_" in name:
+            value.normal_(0, 1)  # attention far from uniform
+        elif name.startswith("head") and value.dim() > 1:
+            value.normal_(0, 3 * (2 / value[0].numel()) ** 0.5)
+        elif value.dim() > 1:
+            value.normal_(0, (2 / value[0].numel()) ** 0.5)
+        elif value.is_floating_point():
+            value.normal_(0, 0.2)
+
+
+def example(labels, side, rng):
+    """A map with overlapping regions and an automaton with every kind of node: unreachable, idle, parallel cubes."""
+    box = lambda x, y, w, h: np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]]) * 1.0
+    obstacles = [box(0.1, 0.55, 0.4, 0.2), np.array([[0.6, 0.1], [0.9, 0.2], [0.65, 0.45]])]
+    regions = [box(*rng.uniform(0.05, 0.75, 2), *rng.uniform(0.08, 0.2, 2)) for _ in range(labels)]
+    codes = raster.map_codes(obstacles, regions, (1.0, 0.9), side)[None]
+    start = np.zeros((1, side, side), dtype=bool)
+    start[0][raster.cell((0.313, 0.271), side)] = True
+    order = np.arange(labels)[None].copy()
+    order[0, -1] = -1  # a channel that the formula does not use
+    literals = rng.integers(-1, 2, (9, labels)).astype(np.int8)
+    literals[:, -1] = 0
+    literals[4] = 0
+    states = np.array([[1, 0, 1], [0, 0, 2 / 3], [0, 0, 2 / 3], [0, 1, 0], [0, 0, -1], [1, 0, 1 / 3]], dtype=np.float32)
+    source = np.array([0, 0, 0, 1, 2, 1, 3, 3, 5])
+    target = np.array([0, 1, 2, 3, 3, 1, 3, 3, 3])
+    graphs = Graphs(
+        torch.from_numpy(states),
+        torch.from_numpy(literals).float(),
+        torch.from_numpy(source),
+        torch.from_numpy(target),
+        torch.zeros(6, dtype=torch.long),
+        torch.zeros(9, dtype=torch.long),
+        1,
+    )
+    return batches.raster_tensor(codes, start, order), graphs
+
+
+@torch.no_grad()
+def output(model, tensor, graphs):
+    """What inference gives: the heatmap at ``output`` cells a side, or a probability per state."""
+    logits = model(tensor, graphs)
+    if model.config["kind"] == "statenet":
+        return torch.sigmoid(logits[:, -1])
+    heat = torch.sigmoid(logits)[:, None]
+    side = model.config.get("output", heat.shape[-1])
+    if side != heat.shape[-1]:
+        heat = F.interpolate(heat, size=side, mode="bilinear", align_corners=False)
+    return heat[0, 0]
+
+
+def write(folder):
+    """Writes all goldens; returns their names with the spread of their outputs."""
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    spreads = {}
+    for number, (name, config) in enumerate(GOLDENS.items()):
+        torch.manual_seed(number)
+        model = models.build(config).eval()
+        randomise(model)
+        tensor, graphs = example(config["labels"], config["resolution"], np.random.default_rng(number))
+        result = output(model, tensor, graphs)
+        export.write(folder / f"{name}.safetensors", model, {"golden": name})
+        held = save(
+            {
+                "raster": tensor[0].to(torch.int8),
+                "states": graphs.states,
+                "transitions": graphs.transitions.to(torch.int8),
+                "source": graphs.source.int(),
+                "target": graphs.target.int(),
+                "output": result.contiguous(),
+            }
+        )
+        (folder / f"{name}.io.safetensors").write_bytes(held)
+        spreads[name] = (result.min().item(), result.max().item(), result.std().item())
+    return spreads
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Writes the whole-network goldens of the Rust tests.")
+    parser.add_argument("folder", type=Path)
+    for name, (low, high, spread) in write(parser.parse_args().folder).items():
+        print(f"{name}: output {low:.4f} to {high:.4f}, deviation {spread:.4f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,19 @@
+import os
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent)]
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+torch.set_num_threads(1)
+
+import synthetic  # noqa: E402
+
+
+@pytest.fixture(scope="session")
+def data_set(tmp_path_factory):
+    """A small synthetic data set: (folder, its maps)."""
+    folder = tmp_path_factory.mktemp("data")
+    return folder, synthetic.write(folder, 12, seed=3)

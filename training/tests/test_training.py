@@ -1,0 +1,189 @@
+"""The loop: learning, exact resume, export, hand-over."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+from safetensors import safe_open
+
+from nngtl_training import batches, configs, data, evaluate, export, metrics, models, train
+
+SMALL = {
+    "pathnet": ["network.widths=[4,8,8]", "network.graph=[8,8]", "network.embedding=3", "network.top=4"],
+    "statenet": ["network.widths=[4,8,8]", "network.graph=[16,16,16,16]", "network.head=16"],
+}
+
+
+def small(kind, *changes):
+    return configs.get("compact", kind, [*SMALL[kind], "training.batch=8", "training.warm_up=2", *changes])
+
+
+def begin(config, folder, cls=train.Run):
+    return cls(config, data.load(folder, config["network"]), seed=1)
+
+
+@pytest.mark.parametrize("kind", ["pathnet", "statenet"])
+def test_a_resumed_run_equals_one_that_never_stopped(kind, data_set, tmp_path):
+    config = small(kind)
+    whole = begin(config, data_set[0])
+    for step in range(6):
+        whole.train_step(step / 6)
+    half = begin(config, data_set[0])
+    for step in range(3):
+        half.train_step(step / 6)
+    half.save(tmp_path / "checkpoint.pt")
+    resumed = begin(config, data_set[0])
+    resumed.restore(tmp_path / "checkpoint.pt")
+    for step in range(3, 6):
+        resumed.train_step(step / 6)
+    for name, value in whole.model.state_dict().items():
+        assert torch.equal(value, resumed.model.state_dict()[name]), name
+
+
+def test_dropout_resumes_exactly_too(data_set, tmp_path):
+    config = configs.get("paper", "pathnet", ["network.n1=1", "network.resolution=100", "network.graph=[4,4,4,4,4]", "training.batch=4"])
+    runs = [begin(config, data_set[0]) for _ in range(2)]
+    runs[0].train_step(0)
+    runs[0].save(tmp_path / "checkpoint.pt")
+    runs[1].restore(tmp_path / "checkpoint.pt")
+    torch.rand(5)  # a generator that has moved on must not matter
+    assert runs[0].train_step(0.5) == runs[1].train_step(0.5)
+
+
+def test_a_checkpoint_of_another_configuration_is_refused(data_set, tmp_path):
+    begin(small("pathnet"), data_set[0]).save(tmp_path / "checkpoint.pt")
+    with pytest.raises(SystemExit, match="another configuration"):
+        begin(small("pathnet", "network.embedding=4"), data_set[0]).restore(tmp_path / "checkpoint.pt")
+
+
+def test_the_state_network_learns_its_training_set(data_set):
+    run = begin(small("statenet", "training.symmetries=false", "training.jitter=0", "training.permute=0"), data_set[0])
+    before = metrics.evaluate(run.model, run.missions)["all"]
+    for step in range(150):
+        run.train_step(0.3)
+    after = metrics.evaluate(run.model, run.missions)["all"]
+    assert after["ap"] > 0.9 and after["loss"] < 0.6 * before["loss"]
+
+
+def test_the_command_trains_continues_and_exports(data_set, tmp_path, capsys):
+    folder, out = str(data_set[0]), tmp_path / "run"
+    base = ["pathnet", "--data", folder, "--held-out", folder, "--out", str(out), "--device", "cpu"]
+    for change in [*SMALL["pathnet"], "training.batch=4"]:
+        base += ["--set", change]
+    train.main([*base, "--steps", "2"])
+    train.main([*base, "--steps", "3"])
+    assert "continuing at step 2" in capsys.readouterr().out
+    record = json.loads((out / "record.json").read_text())
+    assert record["steps"] == 3 and record["held_out"]["all"]["missions"] > 0
+    model, exported = export.read(out / "pathnet.safetensors")
+    assert exported == record
+    export.main([str(out), str(tmp_path / "models" / "p.safetensors"), "--power", "4"])
+    with safe_open(tmp_path / "models" / "p.safetensors", "pt") as file:
+        assert json.loads(file.metadata()["config"])["power"] == 4
+
+
+@pytest.mark.parametrize("name", ["compact", "paper"])
+@pytest.mark.parametrize("kind", ["pathnet", "statenet"])
+def test_an_exported_model_computes_what_it_did(name, kind, data_set, tmp_path):
+    changes = {
+        ("compact", "pathnet"): SMALL["pathnet"],
+        ("compact", "statenet"): SMALL["statenet"],
+        ("paper", "pathnet"): ["network.n1=1"],
+        ("paper", "statenet"): ["network.trunk_widths=[2,2,4,4]", "network.trunk_blocks=[1,1,1,1]", "network.map_feature=8", "network.graph=[8,8]", "network.first=4"],
+    }[name, kind]
+    torch.manual_seed(0)
+    config = configs.get(name, kind, changes)["network"]
+    model = models.build(config)
+    missions = data.load(data_set[0], config)
+    batch = batches.make(missions, np.arange(5))
+    model.train()(batch.raster, batch.graphs)  # moves the running statistics
+    export.write(tmp_path / "x.safetensors", model, {"steps": 0})
+    again, record = export.read(tmp_path / "x.safetensors")
+    assert record == {"steps": 0}
+    with torch.no_grad():
+        assert torch.equal(model.eval()(batch.raster, batch.graphs), again(batch.raster, batch.graphs))
+
+
+def test_a_changed_weight_file_is_refused(tmp_path):
+    config = small("statenet")["network"]
+    path = tmp_path / "x.safetensors"
+    export.write(path, models.build(config))
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match="digest"):
+        export.read(path)
+
+
+def test_a_batch_gives_what_its_missions_give_alone(data_set):
+    for kind in ("pathnet", "statenet"):
+        torch.manual_seed(2)
+        config = small(kind)["network"]
+        model = models.build(config).eval()
+        missions = data.load(data_set[0], config)
+        with torch.no_grad():
+            together = batches.make(missions, np.arange(4))
+            whole = model(together.raster, together.graphs)
+            alone = []
+            for k in range(4):
+                single = batches.make(missions, np.array([k]))
+                alone.append(model(single.raster, single.graphs))
+        torch.testing.assert_close(whole, torch.cat(alone), rtol=1e-4, atol=1e-5)
+
+
+def test_layers_of_equal_shape_are_handed_over():
+    torch.manual_seed(3)
+    statenet = models.build(small("statenet", "network.graph=[8,8,8]")["network"])
+    pathnet = models.build(small("pathnet", "network.graph=[8,8,8]")["network"])
+    # The first layers read different features; the others agree.
+    assert models.handed_layers(statenet, pathnet) == ["graph.1 -> graph.1", "graph.2 -> graph.2"]
+    assert torch.equal(pathnet.graph[2].state_self.src.weight, statenet.graph[2].state_self.src.weight)
+
+
+def test_the_papers_first_layer_is_handed_over_when_it_is_64_wide():
+    names = ["network.trunk_widths=[2,2,4,4]", "network.trunk_blocks=[1,1,1,1]", "network.first=64"]
+    statenet = models.build(configs.get("paper", "statenet", names)["network"])
+    pathnet = models.build(configs.get("paper", "pathnet", ["network.n1=1"])["network"])
+    assert models.handed_layers(statenet, pathnet) == ["first -> graph.0"]
+
+
+def test_resnet50_has_the_published_size():
+    trunk = models.Trunk("bottleneck", [64, 128, 256, 512], [3, 4, 6, 3])
+    assert trunk.outputs == 2048
+    assert sum(p.numel() for p in trunk.parameters()) == 23_508_032  # ResNet-50 without its last layer
+
+
+def test_the_balanced_state_loss_by_hand(data_set):
+    run = begin(small("statenet"), data_set[0])
+    batch = batches.make(run.missions, np.arange(2), heat=False)
+    batch.graphs.state_graph = torch.tensor([0, 0, 0, 0, 1])
+    batch.visited = torch.tensor([1.0, 1, 1, 1, 1])
+    logits = torch.tensor([[0.0], [0.0], [0.0], [0.0], [5.0]])
+    high, low = np.log(2), np.log1p(np.exp(-5))
+    expected = (4 * high / 2 + low) / (4 / 2 + 1)
+    assert abs(run.loss(logits, batch).item() - expected) < 1e-6
+
+
+def test_draws_by_hand(data_set):
+    missions = data.load(data_set[0], configs.get("compact", "pathnet")["network"])
+    k = int(np.flatnonzero(np.diff(missions.legs_at) == 1)[0])
+    x, y, region = missions.legs[missions.legs_at[k]]
+    inside = np.kron(missions.codes[missions.map[k]] >> (int(region) + 1) & 1, np.ones((2, 2))) == 1
+    # All weight on the region: the first draw is in it. No weight there: never.
+    assert set(metrics._draws(inside.astype(np.float32), missions, k).values()) >= {1.0}
+    assert metrics._draws((~inside).astype(np.float32), missions, k)["draws1"] == metrics.CAP
+    assert metrics._draws(np.ones((200, 200)), missions, k)["draws8"] == metrics._draws(inside, missions, k)["draws0"]
+
+
+def test_average_precision_by_hand():
+    counted = metrics.counts(np.array([0.9, 0.8, 0.7, 0.1]), np.array([True, False, True, False]))
+    assert abs(metrics.average_precision(counted) - (1 / 2 * 1 + 1 / 2 * 2 / 3)) < 1e-9
+
+
+def test_the_evaluate_command_reads_weight_and_data(data_set, tmp_path, capsys):
+    export.write(tmp_path / "x.safetensors", models.build(small("statenet")["network"]))
+    evaluate.main([str(tmp_path / "x.safetensors"), str(data_set[0]), "--limit", "6"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["all"]["missions"] == 6 and 0 < found["all"]["ap"] <= 1
+    assert sum(v["missions"] for k, v in found.items() if k.startswith("pattern")) == 6

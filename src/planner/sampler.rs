@@ -108,6 +108,13 @@ pub(crate) enum Aim {
         /// Whether any way back is known.
         closed: bool,
     },
+    /// Reach a place in this state: a segment of a plan that is repaired.
+    Reach {
+        /// The place.
+        at: Point2<f64>,
+        /// The automaton state there.
+        state: StateId,
+    },
 }
 
 impl View<'_> {

@@ -7,6 +7,7 @@ mod matching;
 mod optimum;
 mod places;
 mod plan;
+mod replan;
 mod reuse;
 mod skill;
 mod subtasks;
@@ -17,6 +18,7 @@ pub use library::{
 };
 pub use optimum::optimum;
 pub use places::{PlaceId, Places};
-pub use plan::{Reused, Transferred, transfer};
+pub use plan::{Reused, SubtaskCounts, Transferred, count_subtasks, transfer};
+pub use replan::{Repair, Replanned, replan};
 pub use skill::{Skill, SkillError};
 pub use subtasks::{Endpoint, Equivalence, Position, Subtask, SubtaskGraph};

@@ -10,6 +10,8 @@
 use std::collections::HashMap;
 use std::time::Instant;
 
+use serde::Serialize;
+
 use super::build::one_move_away;
 use super::goals::{Closure, Goals};
 use super::library::Library;
@@ -41,10 +43,8 @@ const CYCLES: usize = 32;
 /// What reuse did for a plan.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reused {
-    /// Subtasks of the new formula (#T of Table I).
-    pub subtasks: usize,
-    /// Those that a skill of the library serves, or that need no path.
-    pub matched: usize,
+    /// The new formula's subtasks.
+    pub counts: SubtaskCounts,
     /// Seconds to build the graph of subtasks and to match it with the library (t_Ω of Table I).
     pub graph_seconds: f64,
     /// Seconds to lay the library out for this start: once for each map and start, whatever the
@@ -56,14 +56,6 @@ pub struct Reused {
     pub suffix_legs: Vec<bool>,
 }
 
-impl Reused {
-    /// The share of subtasks that have a reusable path (%T of Table I), in `[0, 100]`.
-    #[must_use]
-    pub fn percent(&self) -> f64 {
-        100.0 * self.matched as f64 / self.subtasks.max(1) as f64
-    }
-}
-
 /// A plan that was made with a library.
 #[derive(Clone, Debug)]
 pub struct Transferred {
@@ -71,6 +63,34 @@ pub struct Transferred {
     pub solution: Solution,
     /// What was reused.
     pub reused: Reused,
+}
+
+/// How many subtasks a mission has, and how many of them a library serves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct SubtaskCounts {
+    /// Subtasks (#T of Table I).
+    pub subtasks: usize,
+    /// Those with a reusable path, or that need none.
+    pub matched: usize,
+}
+
+impl SubtaskCounts {
+    /// The share of subtasks that have a reusable path (%T of Table I), in `[0, 100]`.
+    #[must_use]
+    pub fn percent(&self) -> f64 {
+        100.0 * self.matched as f64 / self.subtasks.max(1) as f64
+    }
+}
+
+/// Counts a mission's subtasks, without planning it.
+#[must_use]
+pub fn count_subtasks(problem: &Problem, library: &Library) -> SubtaskCounts {
+    let layout = Layout::new(library, &*problem.system, problem.start);
+    let kit = layout.fit(problem);
+    SubtaskCounts {
+        subtasks: kit.subtasks,
+        matched: kit.matching.matched,
+    }
 }
 
 /// Plans a mission with a library of skills (Alg. 4).
@@ -97,8 +117,10 @@ pub fn transfer(
     let laid_out = Instant::now();
     let kit = layout.fit(problem);
     let mut reused = Reused {
-        subtasks: kit.subtasks,
-        matched: kit.matching.matched,
+        counts: SubtaskCounts {
+            subtasks: kit.subtasks,
+            matched: kit.matching.matched,
+        },
         graph_seconds: laid_out.elapsed().as_secs_f64(),
         layout_seconds: (laid_out - began).as_secs_f64(),
         ..Reused::default()

@@ -4,7 +4,8 @@
 //! file, from line OFFSET (from 1) on, and prints totals; blank lines and lines that start with `#` are
 //! skipped, but counted as lines. `NNGTL_LETTERS=disjoint|free` says whether regions overlap (disjoint
 //! by default; with `disjoint` all files share the regions a to g), `NNGTL_CHECK=1` also translates
-//! every negation and checks that the two automata share no word, `NNGTL_LIST=1` lists every formula.
+//! every negation and checks that the two automata share no word and agree with the formula's
+//! semantics on random lassos, `NNGTL_LIST=1` lists every formula.
 //! Without a file a fixed set of missions is timed.
 
 #![allow(clippy::print_stdout)] // a report is what this program is for
@@ -14,9 +15,11 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use criterion::Criterion;
-use nngtl::alphabet::Alphabet;
+use nngtl::alphabet::{Alphabet, Letter};
 use nngtl::automaton::{Limits, Nba, Task, TaskError, translate};
-use nngtl::ltl::Formula;
+use nngtl::ltl::{Formula, semantics};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 
 const MISSIONS: [(&str, &str); 5] = [
     ("case study", "[]<> l1 && (!l1 U l2) && <> l3"),
@@ -152,7 +155,7 @@ fn file(spec: &str) {
         if set("NNGTL_CHECK") {
             let not = translate(&formula.clone().not(), letters, &limits);
             let sound = match &not {
-                Ok(not) => nba.is_disjoint_from(not),
+                Ok(not) => nba.is_disjoint_from(not) && agree(&formula, &nba, not, i as u64),
                 Err(error) => {
                     println!("!({line}): {error}");
                     true
@@ -167,6 +170,22 @@ fn file(spec: &str) {
     }
     part.report(&heading);
     all.report("all");
+}
+
+/// Whether both automata agree with the semantics on a few random lassos.
+fn agree(formula: &Formula, nba: &Nba, not: &Nba, seed: u64) -> bool {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let count = nba.alphabet.len() as u32;
+    (0..50).all(|_| {
+        let mut letters = |least: u32| -> Vec<Letter> {
+            let n = least + rng.next_u32() % 5;
+            (0..n).map(|_| Letter(rng.next_u32() % count)).collect()
+        };
+        let (prefix, cycle) = (letters(0), letters(1));
+        let props = |w: &[Letter]| -> Vec<_> { w.iter().map(|&l| nba.alphabet.props(l)).collect() };
+        let truth = semantics::holds(formula, &props(&prefix), &props(&cycle), &nba.alphabet);
+        truth == Ok(nba.accepts(&prefix, &cycle)) && truth == Ok(!not.accepts(&prefix, &cycle))
+    })
 }
 
 fn main() {

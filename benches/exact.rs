@@ -32,7 +32,9 @@ fn exact(c: &mut Criterion) {
             let formula: Formula = text.parse().expect("the formula is sound");
             let task = Task::from_formula(&formula, workspace.alphabet())
                 .expect("the formula has an automaton");
-            let plan = roadmap.plan(start, &task, 0.2).expect("all regions can be reached");
+            let plan = roadmap
+                .plan(start, &task, 0.2)
+                .expect("all regions can be reached");
             assert!(plan.cost.total > 0.0);
             group.bench_function(name, |b| {
                 b.iter(|| roadmap.plan(black_box(start), &task, 0.2));

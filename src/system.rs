@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use nalgebra::Point2;
 
-use crate::alphabet::{Alphabet, Letter};
+use crate::alphabet::{Alphabet, Letter, LetterSet};
 use crate::random::Random;
 use crate::workspace::{Bounds, Workspace};
 
@@ -60,6 +60,9 @@ pub trait TransitionSystem: Send + Sync {
 
     /// A point uniform over the part of the free space that carries `letter`.
     fn sample_letter(&self, letter: Letter, random: &mut Random) -> Point2<f64>;
+
+    /// The letters of the places that can be reached from the start.
+    fn reachable(&self) -> &LetterSet;
 
     /// The destinations for `letter` that can be reached from the start.
     fn landmarks(&self, letter: Letter) -> &[Landmark];

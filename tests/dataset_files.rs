@@ -134,24 +134,49 @@ fn other_settings_never_mix_and_bad_ones_are_refused() {
         seed: 12,
         ..config(folder.path())
     };
-    let error = |config: &GenerateConfig| generate(config, &|_| {}, &AtomicBool::new(false)).unwrap_err();
+    let error =
+        |config: &GenerateConfig| generate(config, &|_| {}, &AtomicBool::new(false)).unwrap_err();
     assert!(matches!(error(&other), GenerateError::OtherSet { .. }));
     let empty = TempDir::new().unwrap();
     let base = config(empty.path());
     for bad in [
-        GenerateConfig { to: 0, ..base.clone() },
-        GenerateConfig { from: 1, ..base.clone() },
-        GenerateConfig { shard_maps: 0, ..base.clone() },
-        GenerateConfig { missions_per_map: 0, ..base.clone() },
-        GenerateConfig { weight: f64::NAN, ..base.clone() },
-        GenerateConfig { random_share: 1.5, ..base.clone() },
-        GenerateConfig { families: vec![(Family::Paper, 0.0)], ..base.clone() },
+        GenerateConfig {
+            to: 0,
+            ..base.clone()
+        },
+        GenerateConfig {
+            from: 1,
+            ..base.clone()
+        },
+        GenerateConfig {
+            shard_maps: 0,
+            ..base.clone()
+        },
+        GenerateConfig {
+            missions_per_map: 0,
+            ..base.clone()
+        },
+        GenerateConfig {
+            weight: f64::NAN,
+            ..base.clone()
+        },
+        GenerateConfig {
+            random_share: 1.5,
+            ..base.clone()
+        },
+        GenerateConfig {
+            families: vec![(Family::Paper, 0.0)],
+            ..base.clone()
+        },
     ] {
         assert!(matches!(error(&bad), GenerateError::Config(_)));
     }
     fs::write(folder.path().join(MANIFEST), r#"{"format": 2}"#).unwrap();
     let error = read_manifest(folder.path()).unwrap_err();
-    assert!(matches!(error, ReadError::Format { found: 2, .. }), "{error}");
+    assert!(
+        matches!(error, ReadError::Format { found: 2, .. }),
+        "{error}"
+    );
 }
 
 /// The letters along the points: what the robot sees.
@@ -175,13 +200,20 @@ fn every_expert_plan_satisfies_its_formula_and_keeps_the_segment_rule() {
         let record = &mission.record;
         for part in [&record.prefix, &record.suffix] {
             for w in part.windows(2) {
-                assert!(mission.workspace.step(point(w[0]), point(w[1])), "{}", record.formula);
+                assert!(
+                    mission.workspace.step(point(w[0]), point(w[1])),
+                    "{}",
+                    record.formula
+                );
             }
         }
         assert_eq!(record.prefix[0], record.start);
         assert_eq!(record.prefix.last(), record.suffix.first());
         assert_eq!(record.suffix.first(), record.suffix.last());
-        let (prefix, suffix) = (trace(&mission, &record.prefix), trace(&mission, &record.suffix));
+        let (prefix, suffix) = (
+            trace(&mission, &record.prefix),
+            trace(&mission, &record.suffix),
+        );
         let alphabet = mission.workspace.alphabet();
         let holds = semantics::holds(&mission.formula, &prefix, &suffix, alphabet).unwrap();
         assert!(holds, "map {}: {}", mission.map, record.formula);
@@ -197,11 +229,14 @@ fn what_is_read_back_is_what_the_program_makes_of_the_formula() {
         let mission = mission.unwrap();
         let record = &mission.record;
         assert_eq!(mission.formula.to_string(), record.formula);
-        let automaton = AutomatonRecord::new(&mission.task, &record.order);
+        let automaton = AutomatonRecord::new(&mission.task, &record.order).unwrap();
         assert_eq!(automaton, record.automaton);
         assert!(record.visited.iter().all(|&q| q < automaton.states));
         let length = |points: &[Pair]| -> f64 {
-            points.windows(2).map(|w| (point(w[1]) - point(w[0])).norm()).sum()
+            points
+                .windows(2)
+                .map(|w| (point(w[1]) - point(w[0])).norm())
+                .sum()
         };
         let cost = 0.2 * length(&record.prefix) + 0.8 * length(&record.suffix);
         assert!((cost - record.cost).abs() < 1e-6);

@@ -17,7 +17,10 @@ fn each_map(mut check: impl FnMut(u64, &MapShapes)) {
 }
 
 fn vertices(map: &MapShapes) -> impl Iterator<Item = &Point2<f64>> {
-    map.obstacles.iter().chain(&map.regions).flat_map(Polygon::vertices)
+    map.obstacles
+        .iter()
+        .chain(&map.regions)
+        .flat_map(Polygon::vertices)
 }
 
 #[test]
@@ -36,12 +39,21 @@ fn coordinates_lie_on_the_grid_in_the_unit_square() {
 fn regions_overlap_nothing() {
     each_map(|seed, map| {
         let workspace = map.workspace().unwrap();
-        assert_eq!(workspace.alphabet().len(), map.regions.len() + 1, "{} {seed}", map.family);
+        assert_eq!(
+            workspace.alphabet().len(),
+            map.regions.len() + 1,
+            "{} {seed}",
+            map.family
+        );
         assert!(workspace.hidden_regions().is_empty());
         for (i, region) in map.regions.iter().enumerate() {
             let letter = workspace.alphabet().letters_with(i).iter().next().unwrap();
             let free: f64 = workspace.cells(letter).iter().map(|c| c.area()).sum();
-            assert!((free - region.area()).abs() < 1e-6, "{} {seed}: region {i}", map.family);
+            assert!(
+                (free - region.area()).abs() < 1e-6,
+                "{} {seed}: region {i}",
+                map.family
+            );
         }
     });
 }
@@ -51,7 +63,8 @@ fn the_papers_maps_have_two_obstacles_and_seven_regions_on_a_grid_of_200() {
     for seed in 0..MAPS {
         let map = draw_map(Family::Paper, &mut generator(seed, 0));
         assert_eq!((map.obstacles.len(), map.regions.len()), (2, MAX_REGIONS));
-        assert!(vertices(&map).all(|v| ((v.x * 200.0).fract() == 0.0) || (v.x * 200.0 - (v.x * 200.0).round()).abs() < 1e-9));
+        assert!(vertices(&map).all(|v| ((v.x * 200.0).fract() == 0.0)
+            || (v.x * 200.0 - (v.x * 200.0).round()).abs() < 1e-9));
     }
 }
 
@@ -65,7 +78,10 @@ fn nearly_every_map_can_be_reached_as_a_whole() {
         let roadmap = Roadmap::new(&workspace, ExactConfig::default());
         whole += usize::from(roadmap.reachable(start).len() == map.regions.len());
     });
-    assert!(whole * 10 >= 9 * MAPS as usize * Family::ALL.len(), "{whole}");
+    assert!(
+        whole * 10 >= 9 * MAPS as usize * Family::ALL.len(),
+        "{whole}"
+    );
 }
 
 #[test]
@@ -81,5 +97,8 @@ fn families_differ_and_some_shapes_are_not_convex() {
         concave += map.regions.iter().filter(|r| turns_right(r)).count();
         large += map.regions.iter().filter(|r| r.area() > 0.02).count();
     });
-    assert!(crowded > 20 && concave > 20 && large > 10, "{crowded} {concave} {large}");
+    assert!(
+        crowded > 20 && concave > 20 && large > 10,
+        "{crowded} {concave} {large}"
+    );
 }

@@ -55,7 +55,9 @@ fn task(
 /// `F l1 & F l2 & …`: the state is the set of regions visited.
 fn visit_all(workspace: &Workspace, count: u32) -> Task {
     let full = (1 << count) - 1;
-    task(workspace, full + 1, &[full], |q, props| vec![q | (props.0 as u32 & full)])
+    task(workspace, full + 1, &[full], |q, props| {
+        vec![q | (props.0 as u32 & full)]
+    })
 }
 
 /// `G F l1 & G F l2`
@@ -75,7 +77,12 @@ fn patrol(workspace: &Workspace) -> Task {
 fn check(workspace: &Workspace, task: &Task, plan: &ExactPlan) {
     for part in [&plan.path.prefix, &plan.path.suffix] {
         for w in part.windows(2) {
-            assert!(workspace.step(w[0].at, w[1].at), "{:?} to {:?}", w[0].at, w[1].at);
+            assert!(
+                workspace.step(w[0].at, w[1].at),
+                "{:?} to {:?}",
+                w[0].at,
+                w[1].at
+            );
             let letter = workspace.letter_at(w[0].at).unwrap();
             let mut next = task.nba.successors(w[0].state, letter);
             assert!(next.any(|q| q == w[1].state));
@@ -119,7 +126,11 @@ fn a_touched_border_reflects_the_path() {
     });
     let plan = solve(&map, point(0.2, 0.5), &task);
     let mirrored = point(0.2, 1.1) - point(0.8, 0.51);
-    assert!((plan.cost.prefix - mirrored.norm()).abs() < SLACK, "{:?}", plan.cost);
+    assert!(
+        (plan.cost.prefix - mirrored.norm()).abs() < SLACK,
+        "{:?}",
+        plan.cost
+    );
 }
 
 #[test]
@@ -135,7 +146,9 @@ fn paths_bend_at_obstacle_corners() {
 #[test]
 fn regions_without_meaning_are_crossed_straight() {
     let map = map(&[], &[((0.8, 0.4), (0.9, 0.6)), ((0.3, 0.2), (0.5, 0.8))]);
-    let only_first = task(&map, 2, &[1], |q, props| vec![u32::from(q == 1 || props.contains(0))]);
+    let only_first = task(&map, 2, &[1], |q, props| {
+        vec![u32::from(q == 1 || props.contains(0))]
+    });
     let plan = solve(&map, point(0.1, 0.5), &only_first);
     assert!((plan.cost.prefix - 0.7).abs() < SLACK, "{:?}", plan.cost);
     // One waypoint in the region that is crossed, one before and one after it at most.
@@ -153,7 +166,11 @@ fn forbidden_regions_are_gone_round() {
     let round = (point(0.3, 0.8) - point(0.1, 0.5)).norm()
         + 0.2
         + (point(0.8, 0.6) - point(0.5, 0.8)).norm();
-    assert!((plan.cost.prefix - round).abs() < 2.0 * SLACK, "{:?}", plan.cost);
+    assert!(
+        (plan.cost.prefix - round).abs() < 2.0 * SLACK,
+        "{:?}",
+        plan.cost
+    );
 }
 
 #[test]
@@ -181,7 +198,10 @@ fn the_cheapest_order_wins() {
 #[test]
 fn each_kind_of_failure_says_why() {
     let wall = ((0.4, 0.0), (0.6, 1.0));
-    let closed = map(&[wall], &[((0.1, 0.1), (0.2, 0.2)), ((0.7, 0.1), (0.8, 0.2))]);
+    let closed = map(
+        &[wall],
+        &[((0.1, 0.1), (0.2, 0.2)), ((0.7, 0.1), (0.8, 0.2))],
+    );
     let at = |x, y, task: &Task| plan(&closed, point(x, y), task, 0.2).unwrap_err();
     assert_eq!(at(0.3, 0.5, &visit_all(&closed, 2)), Infeasible::NoPrefix);
     let start = at(0.5, 0.5, &visit_all(&closed, 2));
@@ -216,8 +236,17 @@ fn refinement_never_costs_and_sampling_finer_hardly_gains() {
         plan.cost.total
     };
     let config = ExactConfig::default();
-    let (rough, refined) = (cost(ExactConfig { sweeps: 0, ..config }), cost(config));
-    let fine = cost(ExactConfig { spacing: 0.01, ..config });
+    let (rough, refined) = (
+        cost(ExactConfig {
+            sweeps: 0,
+            ..config
+        }),
+        cost(config),
+    );
+    let fine = cost(ExactConfig {
+        spacing: 0.01,
+        ..config
+    });
     assert!(refined <= rough);
     assert!((refined - fine) / fine < 2e-3, "{refined} against {fine}");
 }

@@ -7,7 +7,9 @@ use nngtl::scenario::Scenario;
 use nngtl::workspace::visibility::VisibilityGraph;
 
 fn shipped(name: &str) -> std::path::PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("scenarios")
+        .join(name)
 }
 
 #[test]
@@ -16,7 +18,8 @@ fn every_shipped_scenario_loads_without_a_warning() {
     for entry in std::fs::read_dir(shipped("")).unwrap() {
         let path = entry.unwrap().path();
         for scenario in Scenario::load_all(&path).unwrap() {
-            let scenario = scenario.unwrap_or_else(|e| panic!("{e}\n{}", e.snippet().unwrap_or_default()));
+            let scenario =
+                scenario.unwrap_or_else(|e| panic!("{e}\n{}", e.snippet().unwrap_or_default()));
             assert_eq!(scenario.warnings(), [""; 0], "{}", path.display());
             names.push(scenario.name);
         }
@@ -24,7 +27,11 @@ fn every_shipped_scenario_loads_without_a_warning() {
     names.sort();
     let several = names.len();
     names.dedup();
-    assert_eq!(names.len(), several, "two scenarios share a name: {names:?}");
+    assert_eq!(
+        names.len(),
+        several,
+        "two scenarios share a name: {names:?}"
+    );
     assert!(several >= 10, "{names:?}");
 }
 
@@ -56,7 +63,9 @@ fn shortest_through(scenario: &Scenario, order: [&str; 3]) -> f64 {
             .map(|p| {
                 let paths = graph.paths_to(p);
                 let through = |&(a, length): &(Point2<f64>, f64)| {
-                    paths.first_leg(&graph, a).map_or(f64::INFINITY, |leg| length + leg.0)
+                    paths
+                        .first_leg(&graph, a)
+                        .map_or(f64::INFINITY, |leg| length + leg.0)
                 };
                 (p, from.iter().map(through).fold(f64::INFINITY, f64::min))
             })
@@ -83,13 +92,31 @@ fn the_case_study_has_two_orders_and_the_papers_is_cheaper() {
 fn the_reference_case_is_the_published_one() {
     let scenario = Scenario::load(shipped("tl-rrt-star.toml")).unwrap();
     let map = &scenario.workspace;
-    assert_eq!((scenario.start, scenario.weight), (Point2::new(0.8, 0.1), 0.2));
+    assert_eq!(
+        (scenario.start, scenario.weight),
+        (Point2::new(0.8, 0.1), 0.2)
+    );
     assert_eq!(map.obstacles().len(), 2);
-    let corners = [(0.1, 0.7), (0.7, 0.7), (0.7, 0.3), (0.3, 0.3), (0.0, 0.1), (0.0, 0.4)];
+    let corners = [
+        (0.1, 0.7),
+        (0.7, 0.7),
+        (0.7, 0.3),
+        (0.3, 0.3),
+        (0.0, 0.1),
+        (0.0, 0.4),
+    ];
     for (region, (x, y)) in map.regions().iter().zip(corners) {
-        assert!((region.polygon.area() - 0.02).abs() < 1e-12, "{}", region.name);
+        assert!(
+            (region.polygon.area() - 0.02).abs() < 1e-12,
+            "{}",
+            region.name
+        );
         let corner = Point2::new(x, y);
-        assert!(region.polygon.vertices().contains(&corner), "{}", region.name);
+        assert!(
+            region.polygon.vertices().contains(&corner),
+            "{}",
+            region.name
+        );
         assert_eq!(region.polygon.min(), corner, "{}", region.name);
     }
 }

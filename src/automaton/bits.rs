@@ -47,6 +47,10 @@ impl Bits {
         self.words_mut()[i / 64] |= 1 << (i % 64);
     }
 
+    pub(super) fn remove(&mut self, i: usize) {
+        self.words_mut()[i / 64] &= !(1 << (i % 64));
+    }
+
     pub(super) fn contains(&self, i: usize) -> bool {
         self.words()[i / 64] >> (i % 64) & 1 == 1
     }

@@ -6,8 +6,8 @@ use super::scc;
 /// A set of acceptance marks, one bit each.
 pub(super) type Marks = u64;
 
-/// The most acceptance marks an automaton can have.
-pub(super) const MAX_MARKS: usize = 64;
+/// The most acceptance marks an automaton can have; products with one of few marks still fit.
+pub(super) const MAX_MARKS: usize = 60;
 
 /// An edge of a [`Graph`].
 #[derive(Clone, PartialEq, Eq, Hash, PartialOrd, Ord, Debug)]
@@ -194,7 +194,7 @@ pub(super) fn full(count: u32) -> Marks {
     if count == 0 {
         0
     } else {
-        Marks::MAX >> (MAX_MARKS as u32 - count)
+        Marks::MAX >> (Marks::BITS - count)
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use super::bits::Bits;
 use super::graph::{Edge, Graph, Marks};
 use super::{Nba, scc};
-use crate::alphabet::Letter;
+use crate::alphabet::{Letter, LetterSet};
 
 impl Nba {
     /// Whether the word `prefix cycle cycle cycle …` is accepted. An empty cycle makes no infinite
@@ -45,7 +45,7 @@ impl Nba {
     /// Whether no word is accepted.
     #[must_use]
     pub fn is_language_empty(&self) -> bool {
-        intersect(&self.to_graph(), &all(self.alphabet.len())).is_empty()
+        accepts_nothing(&self.to_graph())
     }
 
     /// Whether no word is accepted by both automata, which must be over the same alphabet.
@@ -54,18 +54,14 @@ impl Nba {
     /// word.
     #[must_use]
     pub fn is_disjoint_from(&self, other: &Self) -> bool {
-        intersect(&self.to_graph(), &other.to_graph()).is_empty()
+        product(&self.to_graph(), &other.to_graph()).is_empty()
     }
 
     pub(super) fn to_graph(&self) -> Graph {
-        let convert = |t: &super::Transition, marks: Marks| {
-            let mut guard = Bits::none(self.alphabet.len());
-            t.guard.iter().for_each(|l| guard.insert(l.index()));
-            Edge {
-                target: t.target.0,
-                marks,
-                guard,
-            }
+        let convert = |t: &super::Transition, marks: Marks| Edge {
+            target: t.target.0,
+            marks,
+            guard: to_bits(&t.guard, self.alphabet.len()),
         };
         // Several initial states are joined by one that has all their edges.
         let single = self.with_one_initial();
@@ -82,42 +78,42 @@ impl Nba {
     }
 }
 
-/// The automaton of all words.
-fn all(letters: usize) -> Graph {
-    Graph {
-        marks: 0,
-        edges: vec![vec![Edge {
-            target: 0,
-            marks: 0,
-            guard: Bits::all(letters),
-        }]],
-    }
+/// A guard as a set of letter numbers.
+pub(super) fn to_bits(guard: &LetterSet, letters: usize) -> Bits {
+    let mut bits = Bits::none(letters);
+    guard.iter().for_each(|l| bits.insert(l.index()));
+    bits
 }
 
-/// What both automata accept.
-pub(super) struct Intersection(Graph);
-
-impl Intersection {
-    /// Whether that is nothing.
-    pub(super) fn is_empty(&self) -> bool {
-        let components = self.0.components();
-        !components.accepting.contains(&true)
-    }
+/// Whether no run of `graph` accepts.
+fn accepts_nothing(graph: &Graph) -> bool {
+    !graph.components().accepting.contains(&true)
 }
 
-/// The product of two automata; only what is reachable.
-pub(super) fn intersect(a: &Graph, b: &Graph) -> Intersection {
-    let mut product = Graph {
+/// The part of the product of two automata that is reachable from their initial states.
+pub(super) fn product(a: &Graph, b: &Graph) -> Product {
+    let start = (a.len() > 0 && b.len() > 0).then_some((0, 0));
+    product_from(a, b, start)
+}
+
+/// As [`product`], from several pairs of states.
+pub(super) fn product_from(
+    a: &Graph,
+    b: &Graph,
+    starts: impl IntoIterator<Item = (u32, u32)>,
+) -> Product {
+    let mut graph = Graph {
         marks: a.marks + b.marks,
         edges: Vec::new(),
     };
-    if a.len() == 0 || b.len() == 0 {
-        return Intersection(product);
-    }
-    let mut number: HashMap<(u32, u32), u32> = HashMap::from([((0, 0), 0)]);
-    let mut queue = vec![(0u32, 0u32)];
-    while product.len() < queue.len() {
-        let (p, q) = queue[product.len()];
+    let mut queue: Vec<(u32, u32)> = starts.into_iter().collect();
+    let mut number: HashMap<(u32, u32), u32> = queue
+        .iter()
+        .enumerate()
+        .map(|(i, &pair)| (pair, i as u32))
+        .collect();
+    while graph.len() < queue.len() {
+        let (p, q) = queue[graph.len()];
         let mut row = Vec::new();
         for e in &a.edges[p as usize] {
             for f in &b.edges[q as usize] {
@@ -132,11 +128,22 @@ pub(super) fn intersect(a: &Graph, b: &Graph) -> Intersection {
                 row.push(Edge {
                     target,
                     marks: e.marks | f.marks << a.marks,
+                    // Which letters they are is of no interest any more.
                     guard: Bits::One(1),
                 });
             }
         }
-        product.edges.push(row);
+        graph.edges.push(row);
     }
-    Intersection(product)
+    Product(graph)
+}
+
+/// What two automata accept together.
+pub(super) struct Product(Graph);
+
+impl Product {
+    /// Whether that is nothing.
+    pub(super) fn is_empty(&self) -> bool {
+        accepts_nothing(&self.0)
+    }
 }

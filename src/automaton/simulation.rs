@@ -7,13 +7,13 @@
 //! read backwards merges states with equal pasts. Guards range over the letters that occur, so
 //! what differs only on other letters is equal here.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 
 use super::bits::Bits;
 use super::graph::{Edge, Graph, Marks, unite};
 
 /// Above this many edges the relation is not computed: it takes the square of them.
-const MAX_EDGES: usize = 4_000;
+const MAX_EDGES: usize = 3_000;
 
 /// Merges and removes until nothing changes. `labels` (one set of marks per state, or none) must be
 /// respected: only states whose labels contain p's can simulate p, and merged states have equal ones.
@@ -79,35 +79,43 @@ fn merge(graph: &mut Graph, labels: &mut Vec<Marks>, class: &[u32], count: usize
 }
 
 /// For each state the states that simulate it.
+///
+/// Pairs are struck out until the rest is a simulation; only pairs that lead to a pair struck out
+/// are looked at again.
 fn relation(edges: &[Vec<Edge>], allowed: impl Fn(usize, usize) -> bool) -> Vec<Bits> {
     let n = edges.len();
-    let mut above: Vec<Bits> = (0..n)
-        .map(|p| {
-            let mut row = Bits::none(n);
-            (0..n)
-                .filter(|&q| allowed(p, q))
-                .for_each(|q| row.insert(q));
-            row
-        })
-        .collect();
-    let mut changed = vec![true; n];
-    while changed.contains(&true) {
-        let stale = std::mem::replace(&mut changed, vec![false; n]);
-        for p in 0..n {
-            if !edges[p].iter().any(|e| stale[e.target as usize]) {
-                // An edgeless state is answered by all.
-                continue;
+    let mut above = vec![Bits::all(n); n];
+    let mut before: Vec<Vec<usize>> = vec![Vec::new(); n];
+    for (p, row) in edges.iter().enumerate() {
+        for e in row {
+            let sources = &mut before[e.target as usize];
+            if sources.last() != Some(&p) {
+                sources.push(p);
             }
-            let mut row = above[p].clone();
-            for q in above[p].iter().filter(|&q| q != p) {
-                if !edges[p].iter().all(|e| answers(&edges[q], e, &above)) {
-                    let mut gone = Bits::none(n);
-                    gone.insert(q);
-                    row.minus_with(&gone);
-                    changed[p] = true;
+        }
+    }
+    let answered =
+        |p: usize, q: usize, above: &[Bits]| edges[p].iter().all(|e| answers(&edges[q], e, above));
+    // First in, first out: by the time a pair is looked at again, most of what can be struck out
+    // below it has been.
+    let mut queue: VecDeque<(usize, usize)> = VecDeque::new();
+    let mut queued = vec![Bits::all(n); n];
+    for p in 0..n {
+        queue.extend((0..n).filter(|&q| q != p).map(|q| (p, q)));
+    }
+    while let Some((p, q)) = queue.pop_front() {
+        queued[p].remove(q);
+        if !above[p].contains(q) || allowed(p, q) && answered(p, q, &above) {
+            continue;
+        }
+        above[p].remove(q);
+        for &p in &before[p] {
+            for &q in before[q].iter().filter(|&&q| q != p) {
+                if above[p].contains(q) && !queued[p].contains(q) {
+                    queued[p].insert(q);
+                    queue.push_back((p, q));
                 }
             }
-            above[p] = row;
         }
     }
     above

@@ -8,7 +8,7 @@ use super::degeneralize::degeneralize;
 use super::graph::Graph;
 use super::limits::{Limits, Watch};
 use super::normal::Lowered;
-use super::{Nba, StateId, Transition, simulation, tableau};
+use super::{Nba, StateId, Transition, obligation, shrink, simulation, subset, tableau};
 use crate::alphabet::{Alphabet, MAX_POWERSET, Props};
 use crate::ltl::{Formula, MAX_DEPTH};
 
@@ -140,14 +140,86 @@ pub(super) fn is_satisfiable(
     Ok((complete || graph.len() > 0).then_some(graph.len() > 0))
 }
 
+/// The most sets of states tried per state of the automaton they are made of, and at least.
+const SETS: (usize, usize) = (4, 64);
+
+/// The most edges that the negation's automaton may have to be of use.
+const NEGATION_EDGES: usize = 2_000;
+
+/// Tries several ways and takes the smallest automaton; of equal ones the first.
 fn small(lowered: &mut Lowered, watch: &Watch<'_>) -> Result<Buchi, TranslateError> {
+    let letters = lowered.arena.letters();
     let mut graph = tableau::build(&mut lowered.arena, lowered.formula, watch)?;
     reduce(&mut graph);
     watch.tick()?;
+    let mut candidates = vec![accepting_states(&graph, watch)?];
+    if candidates[0].len() < 2 {
+        return Ok(candidates.swap_remove(0));
+    }
+    let sets = SETS.1.max(SETS.0 * graph.len());
+    if let Some(mut fewer) = subset::postpone(&graph, letters, sets) {
+        reduce(&mut fewer);
+        watch.tick()?;
+        candidates.push(accepting_states(&fewer, watch)?);
+    }
+    let negation = negation(lowered, watch)?;
+    if let Some(negation) = &negation {
+        candidates.extend(obligation::minimal(&graph, negation, letters, sets));
+        watch.tick()?;
+        candidates.dedup();
+        for candidate in &mut candidates {
+            shrink::shrink(candidate, negation);
+            watch.tick()?;
+        }
+    }
+    let best = candidates.into_iter().min_by_key(Buchi::size);
+    Ok(best.expect("there is a candidate"))
+}
+
+/// An automaton of the negated formula, unless it is too large to be of use.
+fn negation(lowered: &mut Lowered, watch: &Watch<'_>) -> Result<Option<Graph>, TranslateError> {
+    let negated = lowered.arena.negate(lowered.formula);
+    let limits = Limits {
+        states: NEGATION_EDGES,
+        transitions: NEGATION_EDGES,
+        time: None,
+    };
+    let built = tableau::build(&mut lowered.arena, negated, &Watch::new(&limits));
+    watch.tick()?;
+    let Ok(mut graph) = built else {
+        return Ok(None);
+    };
+    reduce(&mut graph);
+    watch.tick()?;
+    Ok(Some(graph))
+}
+
+/// The smallest automaton with accepting states over the orders in which marks can be waited for.
+fn accepting_states(graph: &Graph, watch: &Watch<'_>) -> Result<Buchi, TranslateError> {
     let order: Vec<u32> = (0..graph.marks).collect();
-    let mut best = degeneralize(&graph, &order, watch)?;
-    best.reduce();
-    Ok(best)
+    let mut orders = vec![order.clone()];
+    match order[..] {
+        [] | [_] => {}
+        [a, b] => orders.push(vec![b, a]),
+        [a, b, c] => orders.extend([
+            vec![a, c, b],
+            vec![b, a, c],
+            vec![b, c, a],
+            vec![c, a, b],
+            vec![c, b, a],
+        ]),
+        _ => orders.push(order.iter().rev().copied().collect()),
+    }
+    let mut best: Option<Buchi> = None;
+    for order in orders {
+        let mut buchi = degeneralize(graph, &order, watch)?;
+        buchi.reduce();
+        watch.tick()?;
+        if best.as_ref().is_none_or(|b| buchi.size() < b.size()) {
+            best = Some(buchi);
+        }
+    }
+    Ok(best.expect("there is at least one order"))
 }
 
 fn reduce(graph: &mut Graph) {

@@ -19,6 +19,7 @@ use crate::planner::Settings;
     max_term_width = 100,
     subcommand_required = true,
     arg_required_else_help = true,
+    args_override_self = true,
     after_help = "Exit codes: 0 done; 1 no plan found, or a plan refused; 2 bad input.\n\nExample:\n  nngtl plan scenarios/case-study.toml --svg plan.svg"
 )]
 pub(super) struct Cli {
@@ -32,13 +33,20 @@ pub(super) struct Cli {
 #[derive(Args, Clone, Debug)]
 pub(super) struct Global {
     /// Say nothing but results and errors
-    #[arg(long, short, global = true)]
+    #[arg(long, short, global = true, help_heading = "Output")]
     pub(super) quiet: bool,
     /// When to use colours
-    #[arg(long, global = true, value_enum, default_value_t, value_name = "WHEN")]
+    #[arg(
+        long,
+        global = true,
+        value_enum,
+        default_value_t,
+        value_name = "WHEN",
+        help_heading = "Output"
+    )]
     pub(super) color: Color,
     /// Print the result as one JSON object with a `version` field
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = "Output")]
     pub(super) json: bool,
 }
 
@@ -56,7 +64,7 @@ pub(super) enum Color {
 
 #[derive(Debug, Subcommand)]
 pub(super) enum Command {
-    Plan(PlanArgs),
+    Plan(Box<PlanArgs>),
     Verify(VerifyArgs),
     Translate(TranslateArgs),
     Heatmap(HeatmapArgs),
@@ -65,6 +73,7 @@ pub(super) enum Command {
     Model(ModelCommand),
     #[command(subcommand)]
     Dataset(DatasetCommand),
+    Bench(BenchArgs),
 }
 
 /// Plan a mission
@@ -89,19 +98,19 @@ pub(super) struct PlanArgs {
     #[command(flatten)]
     pub(super) search: SearchArgs,
     /// Write the plan to this file
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(long, value_name = "FILE.json", help_heading = "Files")]
     pub(super) out: Option<PathBuf>,
     /// Draw map and plan as SVG
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg", help_heading = "Files")]
     pub(super) svg: Option<PathBuf>,
     /// Draw map and plan as PNG
-    #[arg(long, value_name = "FILE.png")]
+    #[arg(long, value_name = "FILE.png", help_heading = "Files")]
     pub(super) png: Option<PathBuf>,
     /// Write the heatmap, as PNG or as NumPy array (.npy)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Files")]
     pub(super) heatmap: Option<PathBuf>,
     /// Draw the search trees, too
-    #[arg(long)]
+    #[arg(long, help_heading = "Files")]
     pub(super) tree: bool,
 }
 
@@ -313,18 +322,75 @@ pub(super) enum DatasetCommand {
 ///
 /// Writes shards that can be resumed after an interruption and depend on the seed alone.
 #[derive(Args, Debug)]
-#[command(after_help = "Example:\n  nngtl dataset generate --out data --count 1000 --seed 1")]
+#[command(after_help = "Example:\n  nngtl dataset generate --out data --missions 6000 --seed 1")]
 pub(super) struct GenerateArgs {
     /// The folder to write to; what is already there is kept and completed
     #[arg(long, value_name = "DIR")]
     pub(super) out: PathBuf,
-    /// How many scenarios
-    #[arg(long, value_name = "N", default_value_t = 1000)]
-    pub(super) count: u64,
+    /// How many missions to draw, six on each map
+    #[arg(long, value_name = "N", default_value_t = 6000)]
+    pub(super) missions: u64,
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
     /// Threads to use, 0 for one per core
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) threads: usize,
+}
+
+/// Compare samplers on the same missions
+///
+/// Every mission is searched by every sampler with the same seeds until its first plan. `flat` is
+/// the guided rule without networks: what the networks add is what lies below it. Ratios come with
+/// 95 % bootstrap intervals.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  nngtl bench scenarios/*.toml\n  nngtl bench data --limit 200 --trials 5 --report bench.md --csv bench.csv"
+)]
+pub(super) struct BenchArgs {
+    /// Scenario files, or folders of generated data sets
+    #[arg(value_name = "SCENARIOS", required = true)]
+    pub(super) scenarios: Vec<PathBuf>,
+    /// What to compare
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_values_t = [StrategyName::Biased, StrategyName::Flat, StrategyName::Guided])]
+    pub(super) samplers: Vec<StrategyName>,
+    #[command(flatten)]
+    pub(super) network: NetworkArgs,
+    /// Missions at most, from the front
+    #[arg(long, value_name = "N")]
+    pub(super) limit: Option<usize>,
+    /// Runs of each sampler on each mission
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    pub(super) trials: u64,
+    /// Samples to draw at most; runs that end there count as that many
+    #[arg(long, value_name = "N", default_value_t = 20_000)]
+    pub(super) iterations: u64,
+    /// Seed of the first run
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Probability to draw towards the target instead of uniformly
+    #[arg(long, value_name = "P", default_value_t = Settings::default().y_rand)]
+    pub(super) y_rand: f64,
+    /// Probability that a choice follows the predicted states
+    #[arg(long, value_name = "P", default_value_t = Settings::default().alpha)]
+    pub(super) alpha: f64,
+    /// Write the tables as Markdown
+    #[arg(long, value_name = "FILE.md")]
+    pub(super) report: Option<PathBuf>,
+    /// Write every run as a line of comma-separated values
+    #[arg(long, value_name = "FILE.csv")]
+    pub(super) csv: Option<PathBuf>,
+}
+
+/// A sampler of a comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum StrategyName {
+    /// Uniform sampling
+    Uniform,
+    /// Biased sampling
+    Biased,
+    /// The guided rule with a flat heatmap and flat state probabilities
+    Flat,
+    /// Guided by the networks
+    Guided,
 }

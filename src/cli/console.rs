@@ -23,7 +23,8 @@ impl Console {
             Color::Always => true,
             Color::Never => false,
             Color::Auto => {
-                io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
+                io::stderr().is_terminal()
+                    && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
             }
         };
         Self {
@@ -108,4 +109,9 @@ pub(super) fn seconds(s: f64) -> String {
     } else {
         format!("{s:.0} s")
     }
+}
+
+/// 1 − weight, without the digits that rounding adds (1 − 0.7 is 0.30000000000000004).
+pub(super) fn rest(weight: f64) -> f64 {
+    ((1.0 - weight) * 1e12).round() / 1e12
 }

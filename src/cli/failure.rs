@@ -24,8 +24,10 @@ pub(super) struct Failure {
     pub(super) message: String,
     /// Lines of the input with a caret.
     pub(super) snippet: Option<String>,
+    /// Whether the JSON object was printed already.
+    pub(super) told: bool,
     /// More fields of the JSON object.
-    pub(super) details: Value,
+    pub(super) details: Box<Value>,
 }
 
 impl Failure {
@@ -36,7 +38,8 @@ impl Failure {
             outcome: "bad-input",
             message: message.into(),
             snippet: None,
-            details: json!({}),
+            told: false,
+            details: Box::default(),
         }
     }
 
@@ -47,12 +50,19 @@ impl Failure {
             outcome,
             message: message.into(),
             snippet: None,
-            details: json!({}),
+            told: false,
+            details: Box::default(),
         }
     }
 
+    /// Leaves the JSON object out: the result was printed already.
+    pub(super) fn already_told(mut self) -> Self {
+        self.told = true;
+        self
+    }
+
     pub(super) fn with_details(mut self, details: Value) -> Self {
-        self.details = details;
+        self.details = Box::new(details);
         self
     }
 
@@ -110,7 +120,9 @@ impl From<MissionError> for Failure {
             MissionError::Exact(_) | MissionError::Plan(PlanError::Unreachable(_)) => {
                 Self::negative("unreachable", e.to_string())
             }
-            MissionError::Plan(PlanError::NotFound(_)) => Self::negative("not-found", e.to_string()),
+            MissionError::Plan(PlanError::NotFound(_)) => {
+                Self::negative("not-found", e.to_string())
+            }
             MissionError::Task(TaskError::Translate(_)) => Self::input(e.to_string()),
             MissionError::Task(_) => Self::negative("unsatisfiable", e.to_string()),
             MissionError::Refused(_) => Self::negative("refused", e.to_string()),

@@ -1,10 +1,12 @@
 //! Reading missions and writing files.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::args::MissionArgs;
 use super::console::Console;
 use super::failure::Failure;
+use crate::automaton::{Limits, Nba, read_hoa};
 use crate::guidance::Heatmap;
 use crate::plan::write_atomically;
 use crate::render::{heatmap_npy, heatmap_png};
@@ -12,6 +14,9 @@ use crate::scenario::{Overrides, Scenario};
 
 /// How many pixels a heatmap's cell gets in a picture of its own.
 const HEATMAP_CELL: u32 = 4;
+
+/// Automaton files beyond this size are refused.
+const MAX_HOA_BYTES: u64 = 16 << 20;
 
 /// Loads the scenario that the arguments name, and says what is odd about it.
 pub(super) fn scenario(args: &MissionArgs, console: &Console) -> Result<Scenario, Failure> {
@@ -65,9 +70,7 @@ pub(super) fn heatmap_format(path: &Path) -> Result<HeatmapFormat, Failure> {
 }
 
 /// Refuses output into folders that are not there, before any work is done.
-pub(super) fn check_folders<'a>(
-    paths: impl IntoIterator<Item = &'a Path>,
-) -> Result<(), Failure> {
+pub(super) fn check_folders<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Result<(), Failure> {
     for path in paths {
         let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
         if folder.is_some_and(|f| !f.is_dir()) {
@@ -80,7 +83,40 @@ pub(super) fn check_folders<'a>(
     Ok(())
 }
 
-/// HOA-PENDING
-pub(super) fn automaton(file: &Path, _: &Scenario) -> Result<crate::automaton::Nba, Failure> {
-    Err(Failure::input(format!("{}: HOA", file.display())))
+/// Reads an automaton (HOA) over the letters of the scenario's map. A robot that moves
+/// continuously may cross a region in any number of steps, so the automaton must not count them.
+pub(super) fn automaton(file: &Path, scenario: &Scenario) -> Result<Nba, Failure> {
+    let limits = Limits::default();
+    let name = file.display().to_string();
+    let text = read_text(file).map_err(|e| Failure::input(format!("{name}: {e}")))?;
+    let letters = Arc::clone(scenario.workspace.alphabet());
+    let nba = read_hoa(&text, letters, &limits).map_err(|e| {
+        Failure::input(format!("{name}: {e}")).with_snippet(Some(e.render(Some(&name), false)))
+    })?;
+    match nba.is_stutter_invariant(&limits) {
+        Ok(true) => Ok(nba),
+        Ok(false) => Err(Failure::input(format!(
+            "{name}: the automaton counts repeated letters, which have no meaning while a robot moves continuously: give one without X (next)"
+        ))),
+        Err(e) => Err(Failure::input(format!(
+            "{name}: whether the automaton counts repeated letters could not be decided: {e}"
+        ))),
+    }
+}
+
+/// The text of a file of reasonable size.
+fn read_text(file: &Path) -> std::io::Result<String> {
+    use std::io::Read as _;
+    let mut text = String::new();
+    std::fs::File::open(file)?
+        .take(MAX_HOA_BYTES + 1)
+        .read_to_string(&mut text)?;
+    if text.len() as u64 > MAX_HOA_BYTES {
+        let message = format!(
+            "larger than {} MiB, which is no automaton to plan with",
+            MAX_HOA_BYTES >> 20
+        );
+        return Err(std::io::Error::other(message));
+    }
+    Ok(text)
 }

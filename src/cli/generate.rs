@@ -1,5 +1,82 @@
 //! `nngtl dataset generate`.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use serde_json::json;
+
 use super::args::GenerateArgs;
 use super::console::Console;
-use super::failure::Failure;
-pub(super) fn run(_: &GenerateArgs, _: &Console) -> Result<(), Failure> { Ok(()) }
+use super::failure::{Failure, JSON_VERSION};
+use crate::dataset::{GenerateConfig, GenerateError, MANIFEST, Manifest, Outcome, generate};
+
+pub(super) fn run(args: &GenerateArgs, console: &Console) -> Result<(), Failure> {
+    let config = GenerateConfig {
+        threads: args.threads,
+        ..GenerateConfig::new(&args.out, args.seed, args.missions)
+    };
+    let stop = Arc::new(AtomicBool::new(false));
+    let raised = Arc::clone(&stop);
+    // Fails only if a handler is there already; then Ctrl-C ends the program as usual.
+    let _ = ctrlc::set_handler(move || {
+        if raised.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    });
+    let bar = console.progress(config.to - config.from, "maps");
+    let outcome = generate(
+        &config,
+        &|p| {
+            bar.set_position(p.maps);
+            bar.set_message(format!("{} missions", p.missions));
+        },
+        &stop,
+    );
+    bar.finish_and_clear();
+    let outcome = outcome.map_err(|e| failure(&e))?;
+    let complete = matches!(outcome, Outcome::Complete(_));
+    let manifest = outcome.manifest();
+    let text = if console.json() {
+        let object = json!({
+            "version": JSON_VERSION,
+            "outcome": if complete { "generated" } else { "interrupted" },
+            "manifest": args.out.join(MANIFEST),
+            "maps": manifest.maps,
+            "missions": manifest.missions,
+            "filtered": manifest.filtered,
+        });
+        format!("{object}\n")
+    } else {
+        describe(manifest, &args.out.display().to_string())
+    };
+    console.result(&text)?;
+    if complete {
+        return Ok(());
+    }
+    // What is missing is no result: scripts must not go on as if the set were whole.
+    Err(Failure::negative(
+        "interrupted",
+        "interrupted; the same command continues from here",
+    )
+    .already_told())
+}
+
+fn describe(manifest: &Manifest, folder: &str) -> String {
+    let count = |counts: &crate::dataset::Counts| {
+        let parts = counts.iter().map(|(name, n)| format!("{n} {name}"));
+        parts.collect::<Vec<_>>().join(", ")
+    };
+    format!(
+        "{folder}: {} missions on {} maps in {} shards\n  maps      {}\n  missions  {}\n  dropped   {}\n",
+        manifest.missions,
+        manifest.maps,
+        manifest.shards.len(),
+        count(&manifest.families),
+        count(&manifest.patterns),
+        count(&manifest.filtered),
+    )
+}
+
+fn failure(e: &GenerateError) -> Failure {
+    Failure::input(e.to_string())
+}

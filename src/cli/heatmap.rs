@@ -44,7 +44,11 @@ pub(super) fn run(args: &HeatmapArgs, console: &Console) -> Result<(), Failure> 
             let state = StateId(q as u32);
             let initial = task.nba.initial.contains(&state).then_some("initial");
             let feasible = task.feasible.contains(&state).then_some("accepting");
-            [initial, feasible].into_iter().flatten().collect::<Vec<_>>().join(", ")
+            [initial, feasible]
+                .into_iter()
+                .flatten()
+                .collect::<Vec<_>>()
+                .join(", ")
         };
         describe(&scenario.name, &prediction, roles)
     };

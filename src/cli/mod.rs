@@ -5,19 +5,23 @@
 //! stdout, everything else to stderr.
 
 mod args;
+mod bench;
 mod console;
 mod devices;
 mod failure;
 mod files;
 mod generate;
 mod heatmap;
+mod interrupt;
 mod model;
 mod plan;
 mod translate;
 mod verify;
 
+use std::io::Write as _;
 use std::process::ExitCode;
 
+use clap::error::ErrorKind;
 use clap::{ColorChoice, CommandFactory, FromArgMatches};
 
 use args::{Cli, Command, DatasetCommand, ModelCommand};
@@ -32,6 +36,10 @@ pub fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(e) => {
             // Help and version come this way too, with code 0; a closed pipe is no error.
+            let is_help = e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand;
+            if e.use_stderr() && !is_help {
+                let _ = write!(std::io::stderr(), "nngtl: ");
+            }
             let _ = e.print();
             return ExitCode::from(u8::try_from(e.exit_code()).unwrap_or(2));
         }
@@ -41,7 +49,7 @@ pub fn main() -> ExitCode {
     match run(&cli.command, &console) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            if console.json() {
+            if console.json() && !failure.told {
                 let _ = console.result(&format!("{}\n", failure.to_json()));
             }
             console.error(&failure.message);
@@ -61,6 +69,7 @@ fn run(command: &Command, console: &Console) -> Result<(), Failure> {
         Command::Heatmap(args) => heatmap::run(args, console),
         Command::Devices(_) => devices::run(console),
         Command::Model(ModelCommand::Show { file }) => model::show(file, console),
+        Command::Bench(args) => bench::run(args, console),
         Command::Dataset(DatasetCommand::Generate(args)) => generate::run(args, console),
     }
 }
@@ -91,7 +100,6 @@ fn start_logging(quiet: bool) {
     let environment = env_logger::Env::default().default_filter_or(default);
     let mut builder = env_logger::Builder::from_env(environment);
     if std::env::var_os("RUST_LOG").is_none() {
-        use std::io::Write as _;
         builder.format(|out, record| {
             let level = record.level().as_str().to_lowercase();
             writeln!(out, "nngtl: {level}: {}", record.args())
@@ -129,7 +137,8 @@ mod tests {
 
     #[test]
     fn the_last_colour_wins() {
-        let colour = |words: &[&str]| wanted_colour(&words.iter().map(Into::into).collect::<Vec<_>>());
+        let colour =
+            |words: &[&str]| wanted_colour(&words.iter().map(Into::into).collect::<Vec<_>>());
         assert_eq!(colour(&["nngtl", "--color", "never"]), ColorChoice::Never);
         assert_eq!(colour(&["nngtl", "--color=always"]), ColorChoice::Always);
         assert_eq!(colour(&["nngtl"]), ColorChoice::Auto);

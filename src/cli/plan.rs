@@ -7,12 +7,12 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::args::{PlanArgs, SamplerName};
-use super::console::{Console, seconds};
+use super::console::{Console, rest, seconds};
 use super::failure::{Failure, JSON_VERSION};
 use super::files;
 use crate::automaton::Task;
 use crate::mission::{self, MissionError, Options, Planned, SamplerChoice};
-use crate::planner::{EndReason, NotFound, PlanError, Progress, Settings, Stop};
+use crate::planner::{EndReason, NotFound, PlanError, Progress, Settings};
 use crate::render::Picture;
 use crate::scenario::Scenario;
 
@@ -34,7 +34,9 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
     let scenario = files::scenario(&mission_args, console)?;
     let translated = Instant::now();
     let task = match &args.automaton {
-        Some(file) => Task::from_nba(files::automaton(file, &scenario)?).map_err(MissionError::from)?,
+        Some(file) => {
+            Task::from_nba(files::automaton(file, &scenario)?).map_err(MissionError::from)?
+        }
         None => mission::task(&scenario)?,
     };
     let translate = translated.elapsed().as_secs_f64();
@@ -93,15 +95,7 @@ fn search(
     options: &Options,
     console: &Console,
 ) -> Result<Planned, Failure> {
-    let stop = Stop::new();
-    let raised = stop.clone();
-    // Fails only if a handler is there already; then Ctrl-C ends the program as usual.
-    let _ = ctrlc::set_handler(move || {
-        if raised.is_raised() {
-            std::process::exit(130);
-        }
-        raised.raise();
-    });
+    let stop = super::interrupt::stop_on_interrupt();
     let bar = console.progress(options.settings.iterations, "planning");
     let alphabet = scenario.workspace.alphabet();
     let planned = mission::plan_task(scenario, task, options, &stop, &mut |p: Progress| {
@@ -130,7 +124,10 @@ fn not_found(scenario: &Scenario, found: &NotFound, missing: &[String]) -> Failu
             format!("within {} iterations", found.stats.iterations)
         }
         EndReason::Time => format!("within {}", seconds(found.stats.seconds)),
-        EndReason::Stopped => format!("before the interruption after {} iterations", found.stats.iterations),
+        EndReason::Stopped => format!(
+            "before the interruption after {} iterations",
+            found.stats.iterations
+        ),
     };
     let mut message = format!("{}: no plan found {ended}", scenario.name);
     if found.stats.goals > 0 {
@@ -142,8 +139,11 @@ fn not_found(scenario: &Scenario, found: &NotFound, missing: &[String]) -> Failu
     } else if !missing.is_empty() {
         let _ = write!(
             message,
-            "; the search came within {} automaton steps of acceptance and could not reach {}",
-            found.steps_left,
+            "; the search came within {} of acceptance and could not reach {}",
+            match found.steps_left {
+                1 => "one automaton step".to_owned(),
+                steps => format!("{steps} automaton steps"),
+            },
             missing.join(" or ")
         );
     }
@@ -251,7 +251,7 @@ fn describe(scenario: &Scenario, planned: &Planned) -> String {
         "  cost    {:.4} = {weight} × prefix {:.4} + {} × suffix {:.4}",
         cost.total,
         cost.prefix,
-        1.0 - weight,
+        rest(weight),
         cost.suffix
     );
     if let Some(first) = &file.first {

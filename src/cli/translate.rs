@@ -10,7 +10,7 @@ use super::failure::{Failure, JSON_VERSION};
 use crate::alphabet::{Alphabet, MAX_POWERSET};
 use crate::automaton::{Limits, Nba, Task, translate};
 use crate::ltl::{self, ParseOptions, Parsed};
-use crate::scenario::{Overrides, Scenario};
+use crate::scenario::{Overrides, Scenario, snippet};
 
 pub(super) fn run(args: &TranslateArgs, console: &Console) -> Result<(), Failure> {
     let (parsed, alphabet) = match &args.scenario {
@@ -34,7 +34,7 @@ pub(super) fn run(args: &TranslateArgs, console: &Console) -> Result<(), Failure
         });
         format!("{object}\n")
     } else {
-        written
+        format!("{}\n", written.trim_end())
     };
     Ok(console.result(&text)?)
 }
@@ -61,7 +61,7 @@ fn parse(text: &str, known: &[String]) -> Result<Parsed, Failure> {
     checked.map_err(|e| {
         let (line, column) = e.line_column();
         Failure::input(format!("the formula: {e}"))
-            .with_snippet(Some(e.render(None, false)))
+            .with_snippet(Some(snippet::show(text, 1, &e.span)))
             .with_details(json!({ "line": line, "column": column }))
     })
 }
@@ -69,7 +69,12 @@ fn parse(text: &str, known: &[String]) -> Result<Parsed, Failure> {
 /// Every combination of the formula's propositions is a letter.
 fn alone(text: &str) -> Result<(Parsed, Arc<Alphabet>), Failure> {
     let parsed = parse(text, &[])?;
-    let names: Vec<String> = parsed.formula.propositions().into_iter().map(Into::into).collect();
+    let names: Vec<String> = parsed
+        .formula
+        .propositions()
+        .into_iter()
+        .map(Into::into)
+        .collect();
     if names.len() > MAX_POWERSET {
         return Err(Failure::input(format!(
             "the formula has {} propositions, at most {MAX_POWERSET} are supported without a map: name one with --scenario",
@@ -82,7 +87,10 @@ fn alone(text: &str) -> Result<(Parsed, Arc<Alphabet>), Failure> {
 
 /// The letters are those of a map.
 fn on_map(args: &TranslateArgs) -> Result<(Parsed, Arc<Alphabet>), Failure> {
-    let path = args.scenario.as_deref().unwrap_or_else(|| std::path::Path::new(""));
+    let path = args
+        .scenario
+        .as_deref()
+        .unwrap_or_else(|| std::path::Path::new(""));
     // The scenario's own task does not matter here.
     let overrides = Overrides {
         task: Some("true".to_owned()),

@@ -3,7 +3,7 @@
 use serde_json::json;
 
 use super::args::VerifyArgs;
-use super::console::Console;
+use super::console::{Console, rest};
 use super::failure::{Failure, JSON_VERSION};
 use super::files;
 use crate::mission;
@@ -61,7 +61,7 @@ pub(super) fn run(args: &VerifyArgs, console: &Console) -> Result<(), Failure> {
             args.plan.display(),
             cost.total,
             cost.prefix,
-            1.0 - weight,
+            rest(weight),
             cost.suffix,
         )
     };

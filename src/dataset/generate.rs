@@ -81,7 +81,7 @@ impl GenerateConfig {
         if self.shard_maps == 0 || self.missions_per_map == 0 {
             return bad("a shard needs at least one map and a map at least one mission");
         }
-        if self.from >= self.to || self.from % self.shard_maps != 0 {
+        if self.from >= self.to || !self.from.is_multiple_of(self.shard_maps) {
             return bad(
                 "the range of maps must not be empty, and must begin at a multiple of the maps per shard",
             );
@@ -191,7 +191,7 @@ pub enum GenerateError {
     },
     /// The manifest that is there cannot be read.
     #[error(transparent)]
-    Manifest(#[from] ReadError),
+    Manifest(Box<ReadError>),
     /// The threads could not be started.
     #[error("worker threads could not be started: {0}")]
     Threads(String),
@@ -271,7 +271,7 @@ fn kept_shards(config: &GenerateConfig) -> Result<Vec<ShardEntry>, GenerateError
     if !path.exists() {
         return Ok(Vec::new());
     }
-    let found = read_manifest(&config.out)?;
+    let found = read_manifest(&config.out).map_err(|e| GenerateError::Manifest(Box::new(e)))?;
     let ours = config.empty_manifest();
     let same = found.seed == ours.seed
         && (found.from, found.to) == (ours.from, ours.to)
@@ -347,8 +347,8 @@ fn compress(samples: &[Sample]) -> io::Result<Vec<u8>> {
 
 fn write_manifest(config: &GenerateConfig, manifest: &Manifest) -> Result<(), GenerateError> {
     let path = config.out.join(MANIFEST);
-    let mut text = serde_json::to_vec_pretty(manifest)
-        .map_err(|e| io_error(&path)(io::Error::from(e)))?;
+    let mut text =
+        serde_json::to_vec_pretty(manifest).map_err(|e| io_error(&path)(io::Error::from(e)))?;
     text.push(b'\n');
     write_whole(&path, &text)
 }

@@ -144,11 +144,17 @@ type Drawn = Option<(Vec<Polygon>, Vec<Polygon>)>;
 fn paper(random: &mut Random) -> Drawn {
     const CELLS: u32 = 200;
     let mut rectangle = |low: u32, high: u32, edge: u32| {
-        let (w, h) = (random.random_range(low..=high), random.random_range(low..=high));
+        let (w, h) = (
+            random.random_range(low..=high),
+            random.random_range(low..=high),
+        );
         let x = random.random_range(edge..=CELLS - edge - w);
         let y = random.random_range(edge..=CELLS - edge - h);
         let corner = |x: u32, y: u32| {
-            Point2::new(f64::from(x) / f64::from(CELLS), f64::from(y) / f64::from(CELLS))
+            Point2::new(
+                f64::from(x) / f64::from(CELLS),
+                f64::from(y) / f64::from(CELLS),
+            )
         };
         Polygon::rectangle(corner(x, y), corner(x + w, y + h)).ok()
     };
@@ -183,7 +189,11 @@ fn with_rooms(random: &mut Random) -> Drawn {
     if chance(random, 0.4) {
         for _ in 0..random.random_range(1..=5) {
             let centre = Point2::new(random.random(), random.random());
-            obstacles.extend(obstacle_shape(centre, random.random_range(0.02..0.06), random));
+            obstacles.extend(obstacle_shape(
+                centre,
+                random.random_range(0.02..0.06),
+                random,
+            ));
         }
     }
     let regions = draw_regions(&obstacles, random)?;
@@ -202,7 +212,10 @@ fn obstacle_shape(centre: Point2<f64>, radius: f64, random: &mut Random) -> Opti
 
 /// Regions of one map are alike small, alike large, or mixed.
 fn draw_regions(obstacles: &[Polygon], random: &mut Random) -> Option<Vec<Polygon>> {
-    let sizes = *choose(random, &[(0.025, 0.05), (0.03, 0.08), (0.03, 0.16), (0.08, 0.16)])?;
+    let sizes = *choose(
+        random,
+        &[(0.025, 0.05), (0.03, 0.08), (0.03, 0.16), (0.08, 0.16)],
+    )?;
     let count = random.random_range(4..=MAX_REGIONS);
     let mut regions: Vec<Polygon> = Vec::new();
     for _ in 0..count {

@@ -106,7 +106,10 @@ pub fn draw_pattern(regions: usize, random: &mut Random) -> (Pattern, Formula) {
     match random.random_range(0..20) {
         0..12 => {
             let pattern = *choose(random, &Pattern::SIMPLE).unwrap_or(&Pattern::Visit);
-            (pattern, simple(pattern, &drawn_names(regions, random), 5, random))
+            (
+                pattern,
+                simple(pattern, &drawn_names(regions, random), 5, random),
+            )
         }
         12 => (
             Pattern::CaseStudy,
@@ -132,6 +135,44 @@ fn conjunction(regions: usize, random: &mut Random) -> Formula {
     all(parts)
 }
 
+/// The largest random syntax tree, in nodes (`nngtl.md`, IV-D).
+const TREE_NODES: usize = 25;
+
+/// Draws a random syntax tree of 3 to 25 nodes over F G U ! & | and some of the regions' names.
+///
+/// As the paper leaves the distribution open: sizes are uniform, a node with a subtree of one node is
+/// a unary operator, others are binary with probability 3/5, with the rest split uniformly.
+#[must_use]
+pub fn draw_tree(regions: usize, random: &mut Random) -> Formula {
+    let names = drawn_names(regions, random);
+    let used = random.random_range(1..=names.len().max(1)).min(names.len());
+    tree(random.random_range(3..=TREE_NODES), &names[..used], random)
+}
+
+fn tree(nodes: usize, names: &[String], random: &mut Random) -> Formula {
+    if nodes <= 1 {
+        return choose(random, names).map_or(Formula::True, |name| prop(name));
+    }
+    if nodes == 2 || random.random_range(0..5) < 2 {
+        let inner = tree(nodes - 1, names, random);
+        return match random.random_range(0..3) {
+            0 => inner.finally(),
+            1 => inner.globally(),
+            _ => inner.not(),
+        };
+    }
+    let left = random.random_range(1..=nodes - 2);
+    let (f, g) = (
+        tree(left, names, random),
+        tree(nodes - 1 - left, names, random),
+    );
+    match random.random_range(0..3) {
+        0 => f.until(g),
+        1 => f.and(g),
+        _ => f.or(g),
+    }
+}
+
 /// All region names in random order.
 fn drawn_names(regions: usize, random: &mut Random) -> Vec<String> {
     let mut names: Vec<String> = (0..regions).map(region_name).collect();
@@ -150,50 +191,63 @@ fn simple(pattern: Pattern, names: &[String], most: usize, random: &mut Random) 
     };
     let name = |i: usize| prop(&names[i.min(names.len() - 1)]);
     match pattern {
-        Pattern::Visit => finally(name(0)),
-        Pattern::VisitOne => finally(any(props(many(2, 4, random)))),
-        Pattern::VisitAll => all(props(many(2, 5, random)).into_iter().map(finally).collect()),
+        Pattern::Visit => name(0).finally(),
+        Pattern::VisitOne => any(props(many(2, 4, random))).finally(),
+        Pattern::VisitAll => all(props(many(2, 5, random))
+            .into_iter()
+            .map(Formula::finally)
+            .collect()),
         Pattern::Sequence => sequence(many(2, 5, random)),
         Pattern::OrderedVisit => ordered(many(2, 4, random), false),
         Pattern::StrictOrderedVisit => ordered(many(2, 3, random), true),
         Pattern::Patrol => {
             let visits = props(many(1, 4, random)).into_iter();
-            all(visits.map(|p| globally(finally(p))).collect())
+            all(visits.map(|p| p.finally().globally()).collect())
         }
         Pattern::OrderedPatrol => {
             let names = many(2, 4, random);
-            let order = names.windows(2).map(|w| until(not(prop(&w[1])), prop(&w[0])));
-            let mut parts = vec![globally(sequence(names))];
+            let order = names
+                .windows(2)
+                .map(|w| prop(&w[1]).not().until(prop(&w[0])));
+            let mut parts = vec![sequence(names).globally()];
             parts.extend(order);
             all(parts)
         }
         Pattern::AvoidUntil => {
-            let first = until(not(name(0)), name(1));
-            if random.random() { first } else { and(first, finally(name(0))) }
+            let first = name(0).not().until(name(1));
+            if random.random() {
+                first
+            } else {
+                first.and(name(0).finally())
+            }
         }
         Pattern::Avoidance => {
             let names = many(2, 4, random);
             let (goal, avoid) = names.split_first().unwrap_or((&names[0], &[]));
-            let avoid = avoid.iter().map(|n| globally(not(prop(n))));
-            all(std::iter::once(finally(prop(goal))).chain(avoid).collect())
+            let avoid = avoid.iter().map(|n| prop(n).not().globally());
+            all(std::iter::once(prop(goal).finally()).chain(avoid).collect())
         }
         Pattern::Response => {
-            let response = globally(implies(name(0), finally(name(1))));
+            let response = name(0).implies(name(1).finally()).globally();
             let trigger = if random.random() {
-                finally(name(0))
+                name(0).finally()
             } else {
-                globally(finally(name(0)))
+                name(0).finally().globally()
             };
-            and(trigger, response)
+            trigger.and(response)
         }
         Pattern::Stay => {
-            let stay = finally(globally(name(1)));
-            if random.random() { stay } else { and(finally(name(0)), stay) }
+            let stay = name(1).globally().finally();
+            if random.random() {
+                stay
+            } else {
+                name(0).finally().and(stay)
+            }
         }
         Pattern::CaseStudy | Pattern::Conjunction | Pattern::Random => all(vec![
-            globally(finally(name(0))),
-            until(not(name(0)), name(1)),
-            finally(name(2)),
+            name(0).finally().globally(),
+            name(0).not().until(name(1)),
+            name(2).finally(),
         ]),
     }
 }
@@ -203,10 +257,10 @@ fn sequence(names: &[String]) -> Formula {
     let mut rest: Option<Formula> = None;
     for name in names.iter().rev() {
         let here = match rest {
-            Some(rest) => and(prop(name), rest),
+            Some(rest) => prop(name).and(rest),
             None => prop(name),
         };
-        rest = Some(finally(here));
+        rest = Some(here.finally());
     }
     rest.unwrap_or(Formula::True)
 }
@@ -216,15 +270,15 @@ fn sequence(names: &[String]) -> Formula {
 fn ordered(names: &[String], strict: bool) -> Formula {
     let mut parts: Vec<Formula> = names
         .windows(2)
-        .map(|w| until(not(prop(&w[1])), prop(&w[0])))
+        .map(|w| prop(&w[1]).not().until(prop(&w[0])))
         .collect();
-    parts.extend(names.last().map(|last| finally(prop(last))));
+    parts.extend(names.last().map(|last| prop(last).finally()));
     if strict {
         for w in names.windows(2) {
             let (first, next) = (|| prop(&w[0]), || prop(&w[1]));
-            let away = until(not(first()), next());
-            let visit = and(first(), until(first(), away));
-            parts.push(until(not(first()), visit));
+            let away = first().not().until(next());
+            let visit = first().and(first().until(away));
+            parts.push(first().not().until(visit));
         }
     }
     all(parts)
@@ -235,41 +289,127 @@ fn props(names: &[String]) -> Vec<Formula> {
 }
 
 fn prop(name: &str) -> Formula {
-    Formula::Prop(name.to_owned())
-}
-
-fn not(f: Formula) -> Formula {
-    Formula::Not(Box::new(f))
-}
-
-fn and(f: Formula, g: Formula) -> Formula {
-    Formula::And(Box::new(f), Box::new(g))
-}
-
-fn implies(f: Formula, g: Formula) -> Formula {
-    Formula::Implies(Box::new(f), Box::new(g))
-}
-
-fn until(f: Formula, g: Formula) -> Formula {
-    Formula::Until(Box::new(f), Box::new(g))
-}
-
-fn finally(f: Formula) -> Formula {
-    Formula::Finally(Box::new(f))
-}
-
-fn globally(f: Formula) -> Formula {
-    Formula::Globally(Box::new(f))
+    Formula::prop(name)
 }
 
 fn all(parts: Vec<Formula>) -> Formula {
-    let joined = parts.into_iter().reduce(and);
-    joined.unwrap_or(Formula::True)
+    parts
+        .into_iter()
+        .reduce(Formula::and)
+        .unwrap_or(Formula::True)
 }
 
 fn any(parts: Vec<Formula>) -> Formula {
-    let joined = parts
-        .into_iter()
-        .reduce(|f, g| Formula::Or(Box::new(f), Box::new(g)));
+    let joined = parts.into_iter().reduce(Formula::or);
     joined.unwrap_or(Formula::False)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::alphabet::{Alphabet, Props};
+    use crate::ltl::semantics;
+    use crate::random::generator;
+
+    /// Whether a pattern over a, b, c, … (`l1`, `l2`, …) holds on a word written like "-a-b(c)",
+    /// with `-` outside regions and the loop in parentheses.
+    fn holds(formula: &Formula, word: &str) -> bool {
+        let names = (0..7).map(region_name).collect();
+        let alphabet = Alphabet::disjoint(names).unwrap();
+        let letters = |text: &str| -> Vec<Props> {
+            let letter = |c: u8| match c {
+                b'-' => Props::EMPTY,
+                c => Props::single(usize::from(c - b'a')),
+            };
+            text.bytes().map(letter).collect()
+        };
+        let (prefix, cycle) = word.strip_suffix(')').unwrap().split_once('(').unwrap();
+        semantics::holds(formula, &letters(prefix), &letters(cycle), &alphabet).unwrap()
+    }
+
+    /// Every formula that a pattern draws over a, b, c in this order.
+    fn drawn(pattern: Pattern, most: usize) -> Vec<Formula> {
+        let names: Vec<String> = (0..most).map(region_name).collect();
+        let mut found: Vec<Formula> = (0..40)
+            .map(|seed| simple(pattern, &names, most, &mut generator(seed, 0)))
+            .collect();
+        found.sort();
+        found.dedup();
+        found
+    }
+
+    fn expect(pattern: Pattern, most: usize, yes: &[&str], no: &[&str]) {
+        for formula in drawn(pattern, most) {
+            for word in yes {
+                assert!(holds(&formula, word), "{pattern}: {formula} on {word}");
+            }
+            for word in no {
+                assert!(!holds(&formula, word), "{pattern}: {formula} on {word}");
+            }
+        }
+    }
+
+    #[test]
+    fn patterns_mean_what_their_names_say() {
+        expect(Pattern::Visit, 1, &["-a(-)"], &["-(b)"]);
+        expect(Pattern::VisitOne, 2, &["-a(-)", "-b(-)"], &["-(c)"]);
+        expect(Pattern::VisitAll, 2, &["-a-b(-)", "b-a(a)"], &["-a(-)"]);
+        expect(Pattern::Sequence, 2, &["a-b(-)", "b-a-b(-)"], &["b-a(-)"]);
+        expect(
+            Pattern::OrderedVisit,
+            2,
+            &["a-a-b(-)"],
+            &["b-a-b(-)", "a(-)"],
+        );
+        let strict = ["aaa--bb-a(-)"];
+        expect(
+            Pattern::StrictOrderedVisit,
+            2,
+            &strict,
+            &["a-a-b(-)", "b-a-b(-)", "a(-)"],
+        );
+        expect(Pattern::Patrol, 2, &["(a-b)"], &["a-b(-)", "(b)"]);
+        expect(
+            Pattern::OrderedPatrol,
+            2,
+            &["(a-b)", "-(a-a-b)"],
+            &["b(a-b)", "ab(a)"],
+        );
+        expect(Pattern::AvoidUntil, 2, &["-b-a(-)"], &["-a-b(-)"]);
+        expect(Pattern::Avoidance, 2, &["-a(-)"], &["-a(b)", "(-)"]);
+        expect(Pattern::Response, 2, &["(a-b)"], &["b-(a)", "(b)"]);
+        expect(Pattern::Stay, 2, &["a-(b)"], &["(a-b)", "ab(-)"]);
+        expect(
+            Pattern::CaseStudy,
+            3,
+            &["b-c(a)"],
+            &["a-b-c(a)", "b-c-a(-)", "b(a)"],
+        );
+    }
+
+    #[test]
+    fn formulas_print_and_read_back_and_name_regions_of_the_map() {
+        for seed in 0..300 {
+            let mut random = generator(seed, 1);
+            let regions = 1 + seed as usize % 7;
+            let tree = draw_tree(regions, &mut random);
+            assert!((3..=TREE_NODES).contains(&tree.size()), "{tree}");
+            for formula in [draw_pattern(regions, &mut random).1, tree] {
+                assert_eq!(formula.to_string().parse::<Formula>().unwrap(), formula);
+                assert!(!formula.has_next());
+                let names: Vec<String> = (0..regions).map(region_name).collect();
+                let known = |name: &&str| names.iter().any(|n| n == name);
+                assert!(formula.propositions().iter().all(known), "{formula}");
+            }
+        }
+    }
+
+    #[test]
+    fn all_patterns_are_drawn() {
+        let mut random = generator(2, 2);
+        let mut found: Vec<Pattern> = (0..400).map(|_| draw_pattern(7, &mut random).0).collect();
+        found.sort_unstable();
+        found.dedup();
+        assert_eq!(found.len(), Pattern::SIMPLE.len() + 2);
+    }
 }

@@ -1,5 +1,23 @@
-//! Data.
+//! Data sets of missions with expert paths, for training the networks and for benchmarks.
+//!
+//! [`generate`] draws maps ([`maps`]) and formulas ([`missions`]), plans each mission with the exact
+//! planner ([`crate::exact`]) and writes shards that `training/` reads (`docs/dataset.md`);
+//! [`read_shard`] and [`labelled_missions`] read them back.
+
+mod generate;
 pub mod maps;
 pub mod missions;
+mod read;
+mod record;
 mod rooms;
+mod sample;
 mod shapes;
+
+pub use generate::{GenerateConfig, GenerateError, MANIFEST, Outcome, Progress, generate};
+pub use read::{
+    LabelledMission, ReadError, missions as labelled_missions, read_manifest, read_shard,
+};
+pub use record::{
+    AutomatonRecord, Counts, FORMAT, Manifest, MapRecord, MissionRecord, Pair, RecordError,
+    ShardEntry, pair, point,
+};

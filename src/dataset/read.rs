@@ -11,7 +11,8 @@ use sha2::{Digest, Sha256};
 
 use super::MANIFEST;
 use super::record::{FORMAT, Manifest, MapRecord, MissionRecord, RecordError, ShardEntry, point};
-use crate::automaton::{BuildError, Task};
+use super::sample::translate;
+use crate::automaton::{Task, TaskError};
 use crate::ltl::{Formula, ParseError};
 use crate::workspace::Workspace;
 
@@ -38,7 +39,9 @@ pub enum ReadError {
         source: serde_json::Error,
     },
     /// The format's version is not ours.
-    #[error("{path}: the data set has format {found}, this program reads {FORMAT}: generate it again")]
+    #[error(
+        "{path}: the data set has format {found}, this program reads {FORMAT}: generate it again"
+    )]
     Format {
         /// The manifest.
         path: PathBuf,
@@ -46,7 +49,9 @@ pub enum ReadError {
         found: u64,
     },
     /// A shard is not what the manifest says.
-    #[error("{path}: the file's sha256 is {found}, the manifest says {expected}: run the generator again to repair it")]
+    #[error(
+        "{path}: the file's sha256 is {found}, the manifest says {expected}: run the generator again to repair it"
+    )]
     Damaged {
         /// The shard.
         path: PathBuf,
@@ -71,7 +76,7 @@ pub enum ReadError {
         /// The map's number.
         index: u64,
         /// What is wrong.
-        source: ParseError,
+        source: Box<ParseError>,
     },
     /// A formula cannot be translated.
     #[error("{path}, map {index}: {source}")]
@@ -81,7 +86,7 @@ pub enum ReadError {
         /// The map's number.
         index: u64,
         /// What is wrong.
-        source: BuildError,
+        source: Box<TaskError>,
     },
 }
 
@@ -199,17 +204,18 @@ fn map_missions(path: &Path, map: MapRecord) -> Vec<Result<LabelledMission, Read
     };
     let index = map.index;
     let mission = |record: MissionRecord| {
-        let formula: Formula = record.formula.parse().map_err(|source| ReadError::Formula {
-            path: path.clone(),
-            index,
-            source,
-        })?;
-        let task = Task::from_formula(&formula, workspace.alphabet()).map_err(|source| {
-            ReadError::Task {
+        let formula: Formula = record
+            .formula
+            .parse()
+            .map_err(|source| ReadError::Formula {
                 path: path.clone(),
                 index,
-                source,
-            }
+                source: Box::new(source),
+            })?;
+        let task = translate(&formula, &workspace).map_err(|source| ReadError::Task {
+            path: path.clone(),
+            index,
+            source: Box::new(source),
         })?;
         Ok(LabelledMission {
             map: index,

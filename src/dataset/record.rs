@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::maps::{Family, MapShapes, region_name};
 use super::missions::Pattern;
-use crate::automaton::{Distances, StateId, Task, cubes};
-use crate::ltl::Formula;
+use crate::automaton::{StateId, Task};
+use crate::encoding::{AutomatonGraph, GraphError};
 use crate::workspace::{Bounds, Polygon, PolygonError, Region, Workspace, WorkspaceError};
 
 /// The version of the format that this program writes and reads.
@@ -130,84 +130,32 @@ pub struct AutomatonRecord {
 }
 
 impl AutomatonRecord {
-    /// Describes a task's automaton; `order` lists the channels' propositions.
-    #[must_use]
-    pub fn new(task: &Task, order: &[usize]) -> Self {
-        let nba = &task.nba;
+    /// Describes a task's automaton; `order` lists the channels' propositions by number in the
+    /// task's alphabet.
+    ///
+    /// # Errors
+    /// As [`AutomatonGraph::new`].
+    pub fn new(task: &Task, order: &[usize]) -> Result<Self, GraphError> {
+        let names = task.nba.alphabet.propositions();
+        let channels: Vec<&str> = order.iter().map(|&p| names[p].as_str()).collect();
+        let graph = AutomatonGraph::new(task, &channels)?;
         let ids = |states: &[StateId]| states.iter().map(|q| q.0).collect();
-        let mut transitions = Vec::new();
-        for from in nba.states() {
-            for transition in nba.outgoing(from) {
-                for cube in cubes(&transition.guard, &nba.alphabet) {
-                    let literal = |&p: &usize| {
-                        i8::from(cube.positive.contains(p)) - i8::from(cube.negative.contains(p))
-                    };
-                    let literals = order.iter().map(literal).collect();
-                    transitions.push((from.0, transition.target.0, literals));
-                }
-            }
-        }
-        Self {
-            states: nba.len() as u32,
-            initial: ids(&nba.initial),
+        let literals = |t: usize| graph.literals[t * graph.regions..][..graph.regions].to_vec();
+        let ends = graph.ends.iter().enumerate();
+        Ok(Self {
+            states: task.nba.len() as u32,
+            initial: ids(&task.nba.initial),
             accepting: ids(&task.feasible),
-            distance: distance_features(task),
-            transitions,
-        }
+            distance: graph
+                .states
+                .iter()
+                .map(|s| to_millionth(f64::from(s[2])))
+                .collect(),
+            transitions: ends
+                .map(|(t, &(from, to))| (from, to, literals(t)))
+                .collect(),
+        })
     }
-}
-
-fn distance_features(task: &Task) -> Vec<f64> {
-    let finite = |d: &u32| *d != Distances::INFINITE;
-    let states = || task.nba.states();
-    let largest = states()
-        .flat_map(|p| states().map(move |q| task.distances.to_go(p, q)))
-        .filter(finite)
-        .max()
-        .unwrap_or(0)
-        .max(1);
-    let nearest = |p: StateId| {
-        let lengths = task.feasible.iter().map(|&q| task.distances.to_go(p, q));
-        lengths.filter(finite).min()
-    };
-    states()
-        .map(|p| nearest(p).map_or(-1.0, |d| to_millionth(f64::from(d) / f64::from(largest))))
-        .collect()
-}
-
-/// The regions that a formula names, in order of first use.
-#[must_use]
-pub fn region_order(formula: &Formula) -> Vec<usize> {
-    fn walk(formula: &Formula, found: &mut Vec<usize>) {
-        match formula {
-            Formula::True | Formula::False => {}
-            Formula::Prop(name) => {
-                let number = name.strip_prefix('l').and_then(|n| n.parse::<usize>().ok());
-                if let Some(k) = number.and_then(|n| n.checked_sub(1)) {
-                    if !found.contains(&k) {
-                        found.push(k);
-                    }
-                }
-            }
-            Formula::Not(f) | Formula::Next(f) | Formula::Finally(f) | Formula::Globally(f) => {
-                walk(f, found);
-            }
-            Formula::And(f, g)
-            | Formula::Or(f, g)
-            | Formula::Implies(f, g)
-            | Formula::Iff(f, g)
-            | Formula::Until(f, g)
-            | Formula::Release(f, g)
-            | Formula::WeakUntil(f, g)
-            | Formula::StrongRelease(f, g) => {
-                walk(f, found);
-                walk(g, found);
-            }
-        }
-    }
-    let mut found = Vec::new();
-    walk(formula, &mut found);
-    found
 }
 
 /// Why a record describes no map.
@@ -258,7 +206,11 @@ impl MapRecord {
             Polygon::new(vertices.iter().copied().map(point).collect())
                 .map_err(|source| RecordError::Polygon { index, source })
         };
-        let obstacles: Vec<Polygon> = self.obstacles.iter().map(polygon).collect::<Result<_, _>>()?;
+        let obstacles: Vec<Polygon> = self
+            .obstacles
+            .iter()
+            .map(polygon)
+            .collect::<Result<_, _>>()?;
         let regions: Vec<Region> = self
             .regions
             .iter()

@@ -25,7 +25,10 @@ pub(super) fn walls(random: &mut Random) -> Vec<Polygon> {
     let ys = cuts(random);
     let (columns, rows) = (xs.len() - 1, ys.len() - 1);
     let thick = random.random_range(0.012..0.03);
-    let (extra, open) = (random.random_range(0.0..0.35), random.random_range(0.0..0.5));
+    let (extra, open) = (
+        random.random_range(0.0..0.35),
+        random.random_range(0.0..0.5),
+    );
     let mut rooms = Rooms::new(columns * rows);
     let mut walls = Vec::new();
     for k in shuffled(columns, rows, random) {
@@ -36,16 +39,28 @@ pub(super) fn walls(random: &mut Random) -> Vec<Polygon> {
             (j * columns + i, (j + 1) * columns + i)
         };
         let wall = if rooms.join(a, b) || chance(random, extra) {
-            if chance(random, open) { Wall::Open } else { Wall::Door }
+            if chance(random, open) {
+                Wall::Open
+            } else {
+                Wall::Door
+            }
         } else {
             Wall::Closed
         };
-        let along = if upright { (ys[j], ys[j + 1]) } else { (xs[i], xs[i + 1]) };
+        let along = if upright {
+            (ys[j], ys[j + 1])
+        } else {
+            (xs[i], xs[i + 1])
+        };
         let across = if upright { xs[i + 1] } else { ys[j + 1] };
         for (from, to) in solid(wall, along, thick, random) {
             let (near, far) = ((from, across - thick / 2.0), (to, across + thick / 2.0));
             let corner = |(u, v): (f64, f64)| {
-                let p = if upright { Point2::new(v, u) } else { Point2::new(u, v) };
+                let p = if upright {
+                    Point2::new(v, u)
+                } else {
+                    Point2::new(u, v)
+                };
                 round(Bounds::unit().clip(p))
             };
             walls.extend(Polygon::rectangle(corner(near), corner(far)));

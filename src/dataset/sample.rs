@@ -1,17 +1,18 @@
 //! One map with its missions: drawn, planned by the expert, filtered.
 
 use nalgebra::Point2;
-use rand::RngExt;
 
 use super::GenerateConfig;
 use super::maps::{Family, draw_map, draw_start, round};
-use super::missions::{Pattern, draw_pattern};
-use super::record::{AutomatonRecord, Counts, MapRecord, MissionRecord, pair, region_order, to_millionth};
-use crate::automaton::Task;
+use super::missions::{Pattern, draw_pattern, draw_tree};
+use super::record::{AutomatonRecord, Counts, MapRecord, MissionRecord, pair, to_millionth};
+use crate::automaton::{Limits, Task, TaskError};
+use crate::encoding::region_order;
 use crate::exact::{ExactConfig, ExactPlan, Infeasible, Roadmap};
 use crate::ltl::Formula;
-use crate::plan::Waypoint;
+use crate::plan::{Path, Waypoint, length};
 use crate::random::{Random, chance, generator, weighted};
+use crate::verify::verify;
 use crate::workspace::Workspace;
 
 /// Missions drawn on one map, per mission wanted, before the map is drawn anew.
@@ -47,9 +48,15 @@ pub(super) fn draw_sample(config: &GenerateConfig, index: u64) -> Sample {
             workspace: &workspace,
             roadmap: &roadmap,
         };
+        let mut tree = chance(&mut random, config.random_share);
         for _ in 0..DRAWS * config.missions_per_map {
-            match draw.mission(&record.missions, &mut random) {
-                Ok(mission) => record.missions.push(mission),
+            match draw.mission(tree, &record.missions, &mut random) {
+                Ok(mission) => {
+                    record.missions.push(mission);
+                    // Random trees are dropped more often than patterns: the kind is drawn anew
+                    // only after one was kept, so that shares are shares of what is written.
+                    tree = chance(&mut random, config.random_share);
+                }
                 Err(reason) => drop_for(&mut filtered, reason),
             }
             if record.missions.len() == config.missions_per_map {
@@ -75,12 +82,13 @@ impl Draw<'_> {
     /// Draws a mission, or says why it is not worth keeping.
     fn mission(
         &self,
+        tree: bool,
         others: &[MissionRecord],
         random: &mut Random,
     ) -> Result<MissionRecord, &'static str> {
         let regions = self.workspace.regions().len();
-        let (pattern, formula) = if chance(random, self.config.random_share) {
-            (Pattern::Random, random_tree(regions, random))
+        let (pattern, formula) = if tree {
+            (Pattern::Random, draw_tree(regions, random))
         } else {
             draw_pattern(regions, random)
         };
@@ -89,35 +97,40 @@ impl Draw<'_> {
         if others.iter().any(|m| m.formula == text) {
             return Err("repeated formula");
         }
-        let order = region_order(&formula);
+        let alphabet = self.workspace.alphabet();
+        let named = region_order(&formula).into_iter();
+        let order: Vec<usize> = named.filter_map(|n| alphabet.proposition(n)).collect();
         if order.is_empty() {
             return Err("no region named");
         }
         let task = self.task(&formula)?;
         let plan = self.plan(start, &task)?;
-        let (prefix, suffix) = self.rounded(&plan).ok_or("lost by rounding")?;
-        let length = polyline(&prefix) + polyline(&suffix);
-        if length < self.config.min_length {
+        let path = self.rounded(&plan).ok_or("lost by rounding")?;
+        if length(&path.prefix) + length(&path.suffix) < self.config.min_length {
             return Err("no motion needed");
         }
         let weight = self.config.weight;
-        let cost = weight * polyline(&prefix) + (1.0 - weight) * polyline(&suffix);
+        let checked = verify(self.workspace, start, &formula, &path, weight, None);
+        let cost = checked.map_err(|_| "refused by the checker")?.cost.total;
+        let points = |part: &[Waypoint]| part.iter().map(|w| pair(w.at)).collect();
         Ok(MissionRecord {
             start: pair(start),
             formula: text,
             pattern,
-            automaton: AutomatonRecord::new(&task, &order),
+            automaton: AutomatonRecord::new(&task, &order).map_err(|_| "region without letters")?,
             order,
-            prefix: prefix.into_iter().map(pair).collect(),
-            suffix: suffix.into_iter().map(pair).collect(),
+            prefix: points(&path.prefix),
+            suffix: points(&path.suffix),
             visited: plan.visited.iter().map(|q| q.0).collect(),
             cost: to_millionth(cost),
         })
     }
 
     fn task(&self, formula: &Formula) -> Result<Task, &'static str> {
-        let task = Task::from_formula(formula, self.workspace.alphabet())
-            .map_err(|_| "translation gave up")?;
+        let task = translate(formula, self.workspace).map_err(|error| match error {
+            TaskError::Translate(_) => "translation too large",
+            _ => "unsatisfiable",
+        })?;
         if task.feasible.is_empty() {
             return Err("unsatisfiable");
         }
@@ -138,32 +151,36 @@ impl Draw<'_> {
         })
     }
 
-    /// The plan's points on the grid, if the word stays the same there.
-    fn rounded(&self, plan: &ExactPlan) -> Option<(Vec<Point2<f64>>, Vec<Point2<f64>>)> {
+    /// The plan with its points on the grid, without waits, if the word stays the same there.
+    fn rounded(&self, plan: &ExactPlan) -> Option<Path> {
         let on_grid = |waypoints: &[Waypoint]| {
-            let mut points: Vec<Point2<f64>> = Vec::with_capacity(waypoints.len());
+            let mut points: Vec<Waypoint> = Vec::with_capacity(waypoints.len());
             for w in waypoints {
-                let p = round(w.at);
-                if self.workspace.letter_at(p)? != self.workspace.letter_at(w.at)? {
+                let at = round(w.at);
+                if self.workspace.letter_at(at)? != self.workspace.letter_at(w.at)? {
                     return None;
                 }
-                if points.last() != Some(&p) {
-                    points.push(p);
+                if points.last().is_none_or(|last| last.at != at) {
+                    points.push(Waypoint { at, ..*w });
                 }
             }
-            let steps = |w: &[Point2<f64>]| self.workspace.step(w[0], w[1]);
+            let steps = |w: &[Waypoint]| self.workspace.step(w[0].at, w[1].at);
             points.windows(2).all(steps).then_some(points)
         };
-        Some((on_grid(&plan.path.prefix)?, on_grid(&plan.path.suffix)?))
+        Some(Path {
+            prefix: on_grid(&plan.path.prefix)?,
+            suffix: on_grid(&plan.path.suffix)?,
+        })
     }
 }
 
-fn random_tree(regions: usize, random: &mut Random) -> Formula {
-    let names = random.random_range(1..=regions);
-    let _ = names;
-    unimplemented!()
-}
-
-fn polyline(points: &[Point2<f64>]) -> f64 {
-    points.windows(2).map(|w| (w[1] - w[0]).norm()).sum()
+/// Translates with limits that are far above what is kept, and without a clock: the data set must
+/// not depend on the machine's speed.
+pub(super) fn translate(formula: &Formula, workspace: &Workspace) -> Result<Task, TaskError> {
+    let limits = Limits {
+        states: 2_000,
+        transitions: 50_000,
+        time: None,
+    };
+    Task::from_formula(formula, workspace.alphabet().clone(), &limits)
 }

@@ -82,14 +82,15 @@ pub(super) fn are_apart(a: &Polygon, b: &Polygon, margin: f64) -> bool {
     if boxes_apart {
         return true;
     }
-    let holds = |outer: &Polygon, inner: &Polygon| {
-        outer.side_of(inner.vertices()[0], 0.0) != Side::Outside
-    };
+    let holds =
+        |outer: &Polygon, inner: &Polygon| outer.side_of(inner.vertices()[0], 0.0) != Side::Outside;
     if holds(a, b) || holds(b, a) {
         return false;
     }
-    a.edges()
-        .all(|e| b.edges().all(|f| !cross(e, f) && edge_distance(e, f) >= margin))
+    a.edges().all(|e| {
+        b.edges()
+            .all(|f| !cross(e, f) && edge_distance(e, f) >= margin)
+    })
 }
 
 type Segment = (Point2<f64>, Point2<f64>);

@@ -58,7 +58,10 @@ impl<'m> Chain<'m> {
             shape: Shape {
                 workspace,
                 classes: letter_classes(mission.task),
-                polygons: used.iter().map(|i| &workspace.regions()[i].polygon).collect(),
+                polygons: used
+                    .iter()
+                    .map(|i| &workspace.regions()[i].polygon)
+                    .collect(),
                 inset: mission.roadmap.config.inset * side,
                 min_gain: MIN_GAIN * side,
                 weight: mission.weight,
@@ -139,9 +142,8 @@ impl<'m> Chain<'m> {
     fn slide(&mut self, i: usize) -> bool {
         let neighbours = self.neighbours(i);
         let at = self.points[i];
-        let length = |p: Point2<f64>| -> f64 {
-            neighbours.iter().map(|&(n, w)| (p - n).norm() * w).sum()
-        };
+        let length =
+            |p: Point2<f64>| -> f64 { neighbours.iter().map(|&(n, w)| (p - n).norm() * w).sum() };
         let now = length(at);
         let mut places: Vec<(f64, Point2<f64>)> = self
             .shape
@@ -160,6 +162,7 @@ impl<'m> Chain<'m> {
             for &(_, place) in places.iter().take(TRIES) {
                 let p = at + (place - at) * part;
                 if length(p) < now - self.shape.min_gain
+                    && self.shape.is_firm(p)
                     && self.shape.star_word(p, &neighbours).as_ref() == Some(&word)
                 {
                     self.points[i] = p;
@@ -187,6 +190,18 @@ impl Shape<'_> {
         word.extend(self.word(at, b)?);
         word.dedup();
         Some(word)
+    }
+
+    /// Whether no region's border runs much closer to `p` than the inset: on the way to a place on
+    /// the other side of a border a waypoint must not creep up to it.
+    fn is_firm(&self, p: Point2<f64>) -> bool {
+        let letter = self.workspace.letter_at(p);
+        let reach = 0.9 * self.inset;
+        let around = [(reach, 0.0), (-reach, 0.0), (0.0, reach), (0.0, -reach)];
+        around.into_iter().all(|(x, y)| {
+            let near = self.workspace.letter_at(p + Vector2::new(x, y));
+            near.is_none() || near == letter
+        })
     }
 
     /// What must stay the same when a point moves: for an inner point the word past it, for
@@ -231,7 +246,9 @@ fn least(
     f: &impl Fn(Point2<f64>) -> f64,
 ) -> (f64, Point2<f64>) {
     const RATIO: f64 = 0.618_033_988_749_894_8;
-    let (ends, at) = ([a, b], |p: Point2<f64>, q: Point2<f64>, t: f64| p + (q - p) * t);
+    let (ends, at) = ([a, b], |p: Point2<f64>, q: Point2<f64>, t: f64| {
+        p + (q - p) * t
+    });
     let (mut c, mut d) = (at(b, a, RATIO), at(a, b, RATIO));
     let (mut fc, mut fd) = (f(c), f(d));
     for _ in 0..28 {
@@ -245,8 +262,13 @@ fn least(
             fd = f(d);
         }
     }
-    [(fc, c), (fd, d), (f(ends[0]), ends[0]), (f(ends[1]), ends[1])]
-        .into_iter()
-        .min_by(|x, y| x.0.total_cmp(&y.0))
-        .unwrap_or((fc, c))
+    [
+        (fc, c),
+        (fd, d),
+        (f(ends[0]), ends[0]),
+        (f(ends[1]), ends[1]),
+    ]
+    .into_iter()
+    .min_by(|x, y| x.0.total_cmp(&y.0))
+    .unwrap_or((fc, c))
 }

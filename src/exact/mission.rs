@@ -5,11 +5,10 @@ use nalgebra::Point2;
 use super::chain::Chain;
 use super::realise::realise;
 use super::roadmap::{Edge, Roadmap};
-use super::words::{Relations, Words};
+use super::words::{Relations, WordId, Words};
 use super::{ExactPlan, Infeasible};
 use crate::alphabet::{Letter, LetterSet, Props};
 use crate::automaton::Task;
-use crate::ltl::Formula;
 use crate::workspace::Workspace;
 
 /// A roadmap seen by one mission. Node number `roadmap.nodes.len()` is the start.
@@ -80,10 +79,9 @@ impl<'a> Mission<'a> {
     /// Finds the automaton's steps along every word that the mission's segments carry.
     fn prepare(&mut self, words: &Words) {
         for i in 0..=self.roadmap.nodes.len() {
-            // The roadmap outlives the borrow of `self`, the start's few edges are copied.
-            let edges: Vec<Edge> = self.edges(i as u32).copied().collect();
-            for edge in edges {
-                self.relations.prepare(edge.word, words);
+            let along: Vec<WordId> = self.edges(i as u32).map(|e| e.word).collect();
+            for word in along {
+                self.relations.prepare(word, words);
             }
         }
     }
@@ -124,45 +122,27 @@ impl<'a> Mission<'a> {
 
 /// The regions that a task speaks of: those its formula names, all if it has none.
 pub(super) fn used_regions(workspace: &Workspace, task: &Task) -> Props {
-    let mut used = Props::EMPTY;
-    match &task.formula {
-        Some(formula) => names(formula, &mut |name| {
-            if let Some(i) = workspace.alphabet().proposition(name) {
-                used = used.with(i);
-            }
-        }),
-        None => used = (0..workspace.regions().len()).fold(used, Props::with),
-    }
-    used
-}
-
-fn names(formula: &Formula, visit: &mut impl FnMut(&str)) {
-    match formula {
-        Formula::True | Formula::False => {}
-        Formula::Prop(name) => visit(name),
-        Formula::Not(f) | Formula::Next(f) | Formula::Finally(f) | Formula::Globally(f) => {
-            names(f, visit);
-        }
-        Formula::And(f, g)
-        | Formula::Or(f, g)
-        | Formula::Implies(f, g)
-        | Formula::Iff(f, g)
-        | Formula::Until(f, g)
-        | Formula::Release(f, g)
-        | Formula::WeakUntil(f, g)
-        | Formula::StrongRelease(f, g) => {
-            names(f, visit);
-            names(g, visit);
-        }
-    }
+    let Some(formula) = &task.formula else {
+        return (0..workspace.regions().len()).fold(Props::EMPTY, Props::with);
+    };
+    let names = formula.propositions();
+    let regions = names
+        .iter()
+        .filter_map(|name| workspace.alphabet().proposition(name));
+    regions.fold(Props::EMPTY, Props::with)
 }
 
 /// For each letter the number of its class: letters of one class are in the same guards, so
 /// the automaton cannot tell them apart.
 pub(super) fn letter_classes(task: &Task) -> Vec<u16> {
     let guards: Vec<&LetterSet> = {
-        let mut all: Vec<&LetterSet> =
-            task.nba.transitions.iter().flatten().map(|t| &t.guard).collect();
+        let mut all: Vec<&LetterSet> = task
+            .nba
+            .transitions
+            .iter()
+            .flatten()
+            .map(|t| &t.guard)
+            .collect();
         all.sort_unstable();
         all.dedup();
         all

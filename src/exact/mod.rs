@@ -72,7 +72,9 @@ pub struct ExactPlan {
 #[non_exhaustive]
 pub enum Infeasible {
     /// The start is not free.
-    #[error("the start ({x}, {y}) is not in free space: move it out of obstacles and into the bounds")]
+    #[error(
+        "the start ({x}, {y}) is not in free space: move it out of obstacles and into the bounds"
+    )]
     Start {
         /// The start's x coordinate.
         x: f64,
@@ -83,13 +85,19 @@ pub enum Infeasible {
     #[error("no sequence of the letters that occur on the map satisfies the task")]
     Unsatisfiable,
     /// No accepting state of the product can be reached.
-    #[error("no path from the start reaches an accepting state: obstacles or forbidden regions are in the way")]
+    #[error(
+        "no path from the start reaches an accepting state: obstacles or forbidden regions are in the way"
+    )]
     NoPrefix,
     /// Accepting states can be reached, but none again from itself.
-    #[error("no accepting state that the robot can reach lies on a loop that it can follow for ever")]
+    #[error(
+        "no accepting state that the robot can reach lies on a loop that it can follow for ever"
+    )]
     NoSuffix,
     /// A path was found, but no run of the automaton follows it waypoint by waypoint.
-    #[error("the automaton distinguishes words that differ by stuttering only, which a continuous path cannot follow: write the task without X")]
+    #[error(
+        "the automaton distinguishes words that differ by stuttering only, which a continuous path cannot follow: write the task without X"
+    )]
     Stutter,
 }
 

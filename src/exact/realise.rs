@@ -82,10 +82,7 @@ fn follow(mission: &Mission<'_>, prefix: &[Stop], suffix: &[Stop]) -> Option<Exa
 }
 
 fn waypoint(stop: &Stop, state: StateId) -> Waypoint {
-    Waypoint {
-        at: stop.0,
-        state,
-    }
+    Waypoint { at: stop.0, state }
 }
 
 /// All runs of an automaton along stops, with as few waits as possible.

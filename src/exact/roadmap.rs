@@ -88,9 +88,16 @@ impl<'w> Roadmap<'w> {
     pub fn reachable(&self, start: Point2<f64>) -> Props {
         let mut words = self.words.clone();
         let mut seen = vec![false; self.nodes.len()];
-        let mut stack: Vec<u32> = self.edges_from(start, &mut words).iter().map(|e| e.to).collect();
+        let mut stack: Vec<u32> = self
+            .edges_from(start, &mut words)
+            .iter()
+            .map(|e| e.to)
+            .collect();
         let alphabet = self.workspace.alphabet();
-        let mut found = self.workspace.letter_at(start).map_or(Props::EMPTY, |l| alphabet.props(l));
+        let mut found = self
+            .workspace
+            .letter_at(start)
+            .map_or(Props::EMPTY, |l| alphabet.props(l));
         while let Some(i) = stack.pop() {
             if std::mem::replace(&mut seen[i as usize], true) {
                 continue;
@@ -274,13 +281,18 @@ impl<'w> Candidates<'w> {
                 .enumerate()
                 .filter(|&(k, _)| used.contains(i + 1 + k))
                 .map(|(k, r)| (&r.polygon, Props::single(i).with(i + 1 + k)))
-                .chain(self.workspace.obstacles().iter().map(|o| (o, Props::single(i))));
-            let found: Vec<(Point2<f64>, Vector2<f64>, Vector2<f64>, Props)> = others
+                .chain(
+                    self.workspace
+                        .obstacles()
+                        .iter()
+                        .map(|o| (o, Props::single(i))),
+                );
+            let found: Vec<(Crossing, Props)> = others
                 .flat_map(|(other, origin)| {
-                    crossings(&regions[i].polygon, other).map(move |(p, u, v)| (p, u, v, origin))
+                    crossings(&regions[i].polygon, other).map(move |c| (c, origin))
                 })
                 .collect();
-            for (p, u, v, origin) in found {
+            for ((p, u, v), origin) in found {
                 for (s, t) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
                     let (u, v) = (u * s, v * t);
                     let bisector = (u + v) / (1.0 + u.dot(&v)).max(0.1);
@@ -306,7 +318,9 @@ impl<'w> Candidates<'w> {
 }
 
 /// The vertices of a polygon with their neighbours along the border.
-fn corners(polygon: &Polygon) -> impl Iterator<Item = (Point2<f64>, Point2<f64>, Point2<f64>)> + '_ {
+fn corners(
+    polygon: &Polygon,
+) -> impl Iterator<Item = (Point2<f64>, Point2<f64>, Point2<f64>)> + '_ {
     let v = polygon.vertices();
     let n = v.len();
     (0..n).map(move |i| (v[(i + n - 1) % n], v[i], v[(i + 1) % n]))
@@ -328,14 +342,18 @@ fn mitre(before: Point2<f64>, at: Point2<f64>, after: Point2<f64>) -> Vector2<f6
     let (u, v) = (inward_normal(before, at), inward_normal(at, after));
     let sum = (u + v) / (1.0 + u.dot(&v)).max(1e-6);
     let length = sum.norm();
-    if length > 4.0 { sum * (4.0 / length) } else { sum }
+    if length > 4.0 {
+        sum * (4.0 / length)
+    } else {
+        sum
+    }
 }
 
-/// Where the borders of two polygons cross, with the edges' inward normals.
-fn crossings<'a>(
-    first: &'a Polygon,
-    second: &'a Polygon,
-) -> impl Iterator<Item = (Point2<f64>, Vector2<f64>, Vector2<f64>)> + 'a {
+/// A point where two borders cross, and the crossing edges' inward normals.
+type Crossing = (Point2<f64>, Vector2<f64>, Vector2<f64>);
+
+/// Where the borders of two polygons cross.
+fn crossings<'a>(first: &'a Polygon, second: &'a Polygon) -> impl Iterator<Item = Crossing> + 'a {
     let (min, max) = (second.min(), second.max());
     let apart = first.max().x < min.x
         || first.max().y < min.y
@@ -347,7 +365,13 @@ fn crossings<'a>(
             let (s, t) = ((d - c).perp(&(a - c)), (d - c).perp(&(b - c)));
             let (u, v) = ((b - a).perp(&(c - a)), (b - a).perp(&(d - a)));
             let cross = s * t < 0.0 && u * v < 0.0;
-            cross.then(|| (a + (b - a) * (s / (s - t)), inward_normal(a, b), inward_normal(c, d)))
+            cross.then(|| {
+                (
+                    a + (b - a) * (s / (s - t)),
+                    inward_normal(a, b),
+                    inward_normal(c, d),
+                )
+            })
         })
     })
 }

@@ -212,7 +212,9 @@ impl Mission<'_> {
                 }
             }
         }
-        (0..labels.cost.len() as u32).map(|s| labels.cost(s)).collect()
+        (0..labels.cost.len() as u32)
+            .map(|s| labels.cost(s))
+            .collect()
     }
 }
 

@@ -47,7 +47,11 @@ impl Words {
 
 /// The letters along `ab`, ends included, neighbours different; `None` where the segment is
 /// blocked or a piece of it is too short to stand on.
-pub(super) fn word_of(workspace: &Workspace, a: Point2<f64>, b: Point2<f64>) -> Option<Vec<Letter>> {
+pub(super) fn word_of(
+    workspace: &Workspace,
+    a: Point2<f64>,
+    b: Point2<f64>,
+) -> Option<Vec<Letter>> {
     let pieces = pieces(workspace, a, b)?;
     Some(pieces.into_iter().map(|(letter, _)| letter).collect())
 }
@@ -175,7 +179,9 @@ fn closure(rows: &[Vec<u32>]) -> Vec<Vec<u32>> {
                 stack.extend(&rows[q as usize]);
             }
         }
-        (0..rows.len() as u32).filter(|&q| seen[q as usize]).collect()
+        (0..rows.len() as u32)
+            .filter(|&q| seen[q as usize])
+            .collect()
     };
     (0..rows.len()).map(reach).collect()
 }

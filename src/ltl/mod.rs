@@ -39,6 +39,7 @@ mod formula;
 mod lexer;
 mod parser;
 mod print;
+pub mod random;
 pub mod semantics;
 
 pub use error::{ParseError, ParseErrorKind, Unsupported};

@@ -11,6 +11,7 @@ use crate::guidance::Guidance;
 use crate::nn::{LoadError, PredictError, Predictor};
 use crate::planner::{Guide, Sampler};
 use crate::scenario::Scenario;
+use crate::workspace::{Polygon, Workspace};
 
 /// What the networks said about a mission.
 #[derive(Clone, Debug)]
@@ -43,21 +44,31 @@ pub fn predict(
         Some(folder) => Predictor::load(folder, options.device)?,
         None => Predictor::embedded(options.device)?,
     };
+    predict_with(&mut predictor, &scenario.workspace, scenario.start, task)
+}
+
+/// As [`predict`], with networks that are loaded already.
+///
+/// # Errors
+/// [`MissionError::Predict`] for a mission that they do not fit.
+pub fn predict_with(
+    predictor: &mut Predictor,
+    map: &Workspace,
+    start: Point2<f64>,
+    task: &Task,
+) -> Result<Prediction, MissionError> {
     let (graph, names) = AutomatonGraph::of_task(task)
         .map_err(|_| PredictError::Inconsistent("a region of the task is not on the map"))?;
-    let map = &scenario.workspace;
-    let rings: Vec<&[Point2<f64>]> = map.obstacles().iter().map(|o| o.vertices()).collect();
     let region = |name: &String| map.regions().iter().find(|r| r.name == *name);
-    let regions: Vec<&[Point2<f64>]> = names
-        .iter()
-        .filter_map(region)
-        .map(|r| r.polygon.vertices())
-        .collect();
     let input = MapInput {
         bounds: [map.bounds().min, map.bounds().max],
-        obstacles: rings,
-        regions,
-        start: scenario.start,
+        obstacles: map.obstacles().iter().map(Polygon::vertices).collect(),
+        regions: names
+            .iter()
+            .filter_map(region)
+            .map(|r| r.polygon.vertices())
+            .collect(),
+        start,
     };
     let (guidance, timings) = predictor.predict(&input, &graph)?;
     Ok(Prediction {
@@ -93,7 +104,9 @@ pub(super) fn choose(
         Ok(chosen) => Ok(chosen),
         Err(e) if options.sampler == SamplerChoice::Auto && is_no_guidance(&e, options) => {
             let mut chosen = plain(Sampler::Biased);
-            chosen.notices.push(format!("planning without guidance: {e}"));
+            chosen
+                .notices
+                .push(format!("planning without guidance: {e}"));
             Ok(chosen)
         }
         Err(e) => Err(e),

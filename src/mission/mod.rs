@@ -32,7 +32,7 @@ use crate::scenario::Scenario;
 use crate::system::{Continuous, Grid, GridError, Spot, StartError, TransitionSystem};
 use crate::verify::{self, Refusal, Verified};
 
-pub use guide::{Prediction, predict};
+pub use guide::{Prediction, predict, predict_with};
 
 /// Which strategy plans a mission.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -161,8 +161,9 @@ pub fn plan_task(
     if options.sampler == SamplerChoice::Exact {
         return exact(scenario, &task);
     }
-    let chosen = guide::choose(scenario, &task, options)?;
     let problem = problem(scenario, Arc::clone(&task))?;
+    check_reachable(&task, &*problem.system)?;
+    let chosen = guide::choose(scenario, &task, options)?;
     let searched = Instant::now();
     let solution = planner::plan(&problem, &chosen.sampler, &options.settings, stop, observe)?;
     let search = searched.elapsed().as_secs_f64();
@@ -227,6 +228,31 @@ pub fn problem(scenario: &Scenario, task: Arc<Task>) -> Result<Problem, MissionE
         start,
         weight: scenario.weight,
     })
+}
+
+/// Ends at once where no search could succeed: with the letters of places that the robot cannot
+/// reach taken away, nothing is accepted.
+fn check_reachable(task: &Task, system: &dyn TransitionSystem) -> Result<(), PlanError> {
+    let mut left = task.nba.clone();
+    for row in &mut left.transitions {
+        for transition in row.iter_mut() {
+            transition.guard.intersect_with(system.reachable());
+        }
+        row.retain(|t| !t.guard.is_empty());
+    }
+    if !left.trimmed().is_empty() {
+        return Ok(());
+    }
+    let alphabet = &task.nba.alphabet;
+    let beyond: Vec<String> = alphabet
+        .letters()
+        .filter(|&l| !system.reachable().contains(l))
+        .map(|l| alphabet.show(l))
+        .collect();
+    Err(PlanError::Unreachable(format!(
+        "the task needs places that cannot be reached from the start; out of reach: {}",
+        beyond.join(", ")
+    )))
 }
 
 /// Plans without sampling.

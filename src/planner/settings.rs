@@ -33,7 +33,8 @@ pub struct Settings {
     pub distance_deviation: f64,
     /// Standard deviation of the angle around the direction to the target, in radians (S-6).
     pub angle_deviation: f64,
-    /// Probability that a choice follows the state prediction (C-1).
+    /// Probability that a choice follows the predictions: each choice of states (C-1), and the
+    /// point (C-2); otherwise it is made as in the biased strategy.
     pub alpha: f64,
 }
 

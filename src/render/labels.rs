@@ -162,20 +162,6 @@ fn inside(ring: &[Px], [x, y]: Px) -> bool {
     within
 }
 
-/// The width of `text` in DejaVu Sans, in units of the font size, estimated by kinds of letters: near
-/// enough to keep labels apart and lines within the picture.
-pub(super) fn text_width(text: &str) -> f64 {
-    text.chars()
-        .map(|c| match c {
-            'i' | 'j' | 'l' | 'I' | '.' | ',' | ':' | ';' | '\'' | '|' | '!' => 0.34,
-            ' ' | 'f' | 't' | 'r' | '(' | ')' | '[' | ']' | '-' | '/' => 0.4,
-            'm' | 'w' | 'M' | 'W' | '@' | '&' | '<' | '>' | '=' | '+' | '→' => 0.88,
-            c if c.is_uppercase() => 0.72,
-            _ => 0.63,
-        })
-        .sum()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use super::colour::{self, FAINT, INK, PREFIX, SUFFIX, hex};
-use super::labels::{Px, text_width};
-use super::svg::write_text;
+use super::labels::Px;
+use super::text::{text_width, write_text};
 
 /// A sign with its explanation.
 #[derive(Clone, Copy, Debug, PartialEq)]

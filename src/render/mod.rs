@@ -17,7 +17,9 @@ mod colour;
 mod labels;
 mod legend;
 mod raster;
+mod shapes;
 mod svg;
+mod text;
 
 use nalgebra::Point2;
 

@@ -1,14 +1,17 @@
 //! The drawing itself, as SVG text.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use nalgebra::Point2;
 
 use super::Picture;
 use super::colour::{self, FAINT, HATCH, INK, OBSTACLE, PREFIX, Rgb, SUFFIX, hex};
-use super::labels::{Board, Px, Rect, text_width};
+use super::labels::{Board, Px, Rect};
 use super::legend::{self, Sign};
 use super::raster;
+use super::shapes::{arrow_places, nice_step, number, polyline, ticks};
+use super::text::{self, escaped, text_width, write_text};
 use crate::alphabet::Letter;
 use crate::plan::{Path, Waypoint, length};
 use crate::workspace::Polygon;
@@ -23,9 +26,6 @@ const LEFT: f64 = 58.0;
 const RIGHT: f64 = 26.0;
 /// The picture is at least this wide, so that headings fit beside a narrow map.
 const MIN_WIDTH: f64 = 560.0;
-/// Arrowheads keep at least this distance along a path, in pixels.
-const ARROW_SPACING: f64 = 80.0;
-
 /// Which layers are wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Layers {
@@ -70,7 +70,12 @@ pub(super) fn draw(picture: &Picture<'_>, layers: Layers) -> Drawing {
     let factor = MAP_PIXELS / bounds.side();
     let (map_width, map_height) = (bounds.width() * factor, bounds.height() * factor);
     let width = (LEFT + map_width + RIGHT).max(MIN_WIDTH);
-    let heading = heading(picture, width - LEFT - RIGHT);
+    let heading = text::heading(
+        picture.title.as_deref(),
+        picture.subtitle.as_deref(),
+        LEFT,
+        width - LEFT - RIGHT,
+    );
     let top = 18.0 + heading.height;
     let scale = Scale {
         origin: [LEFT, top + map_height],
@@ -154,117 +159,6 @@ fn signs(picture: &Picture<'_>) -> Vec<Sign> {
 /// Whether the robot stays where the prefix ends.
 fn stays(path: &Path) -> bool {
     path.suffix.windows(2).all(|w| w[0].at == w[1].at)
-}
-
-struct Heading {
-    text: String,
-    height: f64,
-}
-
-fn heading(picture: &Picture<'_>, room: f64) -> Heading {
-    let mut text = String::new();
-    let mut height = 0.0;
-    if let Some(title) = &picture.title {
-        height += 26.0;
-        let title = fitted(title, room / 20.0);
-        write_text(
-            &mut text,
-            [LEFT, height - 2.0],
-            &title,
-            "font-size=\"20\" font-weight=\"bold\"",
-        );
-    }
-    if let Some(subtitle) = &picture.subtitle {
-        for line in wrapped(subtitle, room / 15.0, 3) {
-            height += 21.0;
-            write_text(
-                &mut text,
-                [LEFT, height],
-                &line,
-                &format!("font-size=\"15\" fill=\"{}\"", hex(FAINT)),
-            );
-        }
-    }
-    if height > 0.0 {
-        height += 10.0;
-    }
-    Heading { text, height }
-}
-
-/// As much of `text` as fits into `room` (in units of the font size).
-fn fitted(text: &str, room: f64) -> String {
-    if text_width(text) <= room {
-        return text.to_owned();
-    }
-    let mut kept = String::new();
-    for c in text.chars() {
-        kept.push(c);
-        if text_width(&kept) > room - 1.0 {
-            break;
-        }
-    }
-    kept.push('…');
-    kept
-}
-
-/// `text` in at most `lines` lines, broken at spaces.
-fn wrapped(text: &str, room: f64, lines: usize) -> Vec<String> {
-    let mut done: Vec<String> = vec![String::new()];
-    for word in text.split_whitespace() {
-        let current = done.len() - 1;
-        let line = &mut done[current];
-        if line.is_empty() {
-            line.push_str(word);
-        } else if text_width(line) + 0.4 + text_width(word) <= room {
-            line.push(' ');
-            line.push_str(word);
-        } else {
-            done.push(word.to_owned());
-        }
-    }
-    if done.len() > lines {
-        done.truncate(lines);
-        if let Some(last) = done.last_mut() {
-            last.push_str(" …");
-        }
-    }
-    done.iter().map(|line| fitted(line, room)).collect()
-}
-
-/// Appends a text element; `at` is the left end of its baseline unless `style` says otherwise.
-pub(super) fn write_text(out: &mut String, at: Px, text: &str, style: &str) {
-    let _ = writeln!(
-        out,
-        "<text x=\"{:.1}\" y=\"{:.1}\" {style}>{}</text>",
-        at[0],
-        at[1],
-        escaped(text)
-    );
-}
-
-/// `text` as XML character data, without characters that XML does not allow.
-fn escaped(text: &str) -> String {
-    let mut safe = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => safe.push_str("&amp;"),
-            '<' => safe.push_str("&lt;"),
-            '>' => safe.push_str("&gt;"),
-            '"' => safe.push_str("&quot;"),
-            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => safe.push(' '),
-            c => safe.push(c),
-        }
-    }
-    safe
-}
-
-/// SVG path data of a polyline.
-fn polyline(points: &[Px]) -> String {
-    let mut data = String::new();
-    for (i, [x, y]) in points.iter().enumerate() {
-        let _ = write!(data, "{}{x:.2} {y:.2}", if i == 0 { "M" } else { "L" });
-    }
-    data
 }
 
 struct Canvas<'a, 'b> {
@@ -412,16 +306,27 @@ impl Canvas<'_, '_> {
     }
 
     fn tree(&mut self) {
-        if self.picture.tree.is_empty() {
+        // Product states that share a place share edges, too: each line once, to the tenth of
+        // a pixel.
+        let tenths = |p: Point2<f64>| self.scale.px(p).map(|x| (x * 10.0).round() as i64);
+        let lines: BTreeSet<[[i64; 2]; 2]> = self
+            .picture
+            .tree
+            .iter()
+            .map(|&(a, b)| [tenths(a).min(tenths(b)), tenths(a).max(tenths(b))])
+            .collect();
+        if lines.is_empty() {
             return;
         }
         let mut data = String::new();
-        for &(a, b) in &self.picture.tree {
-            let ([ax, ay], [bx, by]) = (self.scale.px(a), self.scale.px(b));
-            let _ = write!(data, "M{ax:.1} {ay:.1}L{bx:.1} {by:.1}");
+        for [[ax, ay], [bx, by]] in &lines {
+            let [ax, ay, bx, by] = [ax, ay, bx, by].map(|&x| x as f64 / 10.0);
+            let _ = write!(data, "M{ax} {ay}L{bx} {by}");
         }
+        // The more there are, the thinner they get: a large tree must not become one grey area.
+        let width = (0.9 * (1500.0 / lines.len() as f64).sqrt()).clamp(0.16, 0.9);
         self.add(format_args!(
-            "<path d=\"{data}\" fill=\"none\" stroke=\"{}\" stroke-width=\"0.9\" stroke-opacity=\"0.45\"/>",
+            "<path d=\"{data}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width:.2}\" stroke-opacity=\"0.5\"/>",
             hex(FAINT)
         ));
     }
@@ -575,57 +480,4 @@ impl Canvas<'_, '_> {
             self.haloed(at, &region.name, size, colour::region_border(i));
         }
     }
-}
-
-/// Where arrowheads go on a polyline, and which way they point (radians, clockwise from right).
-fn arrow_places(points: &[Px]) -> Vec<(Px, f64)> {
-    let mut places = Vec::new();
-    let mut since_last = ARROW_SPACING / 2.0;
-    let mut longest: Option<(f64, (Px, f64))> = None;
-    for pair in points.windows(2) {
-        let (a, b) = (pair[0], pair[1]);
-        let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
-        let leg = dx.hypot(dy);
-        let place = |t: f64| ([a[0] + dx * t, a[1] + dy * t], dy.atan2(dx));
-        if longest.is_none_or(|(l, _)| leg > l) && leg > 0.0 {
-            longest = Some((leg, place(0.5)));
-        }
-        if leg < 16.0 || since_last + leg / 2.0 < ARROW_SPACING {
-            since_last += leg;
-            continue;
-        }
-        // One in the middle of a short leg, several evenly spread over a long one.
-        let count = (leg / (2.0 * ARROW_SPACING)).round().max(1.0) as usize;
-        for k in 0..count {
-            places.push(place((k as f64 + 0.5) / count as f64));
-        }
-        since_last = leg / (2.0 * count as f64);
-    }
-    if places.is_empty() {
-        places.extend(longest.map(|(_, place)| place));
-    }
-    places
-}
-
-/// The nearest of 1, 2, 5 times a power of ten, from above.
-fn nice_step(rough: f64) -> f64 {
-    let power = 10_f64.powf(rough.log10().floor());
-    let factor = [1.0, 2.0, 5.0, 10.0]
-        .into_iter()
-        .find(|f| f * power >= rough * (1.0 - 1e-9))
-        .unwrap_or(10.0);
-    factor * power
-}
-
-fn ticks(from: f64, to: f64, step: f64) -> impl Iterator<Item = f64> {
-    let slack = 1e-9 * step;
-    let first = ((from - slack) / step).ceil();
-    let count = (((to + slack) / step).floor() - first).max(-1.0) as i64;
-    (0..=count).map(move |i| (first + i as f64) * step)
-}
-
-/// A tick's value with the digits that its step needs.
-fn number(value: f64, step: f64) -> String {
-    let digits = (-step.log10().floor()).clamp(0.0, 12.0) as usize;
-    format!("{:.digits$}", value + 0.0)
 }

@@ -17,7 +17,7 @@ use super::locate::line_column;
 /// [`snippet`](Self::snippet) shows the lines of the file with a caret below the place.
 #[derive(Debug)]
 pub struct ScenarioError {
-    pub(super) kind: ScenarioErrorKind,
+    pub(super) kind: Box<ScenarioErrorKind>,
     file: Option<PathBuf>,
     place: Option<Place>,
 }
@@ -147,7 +147,7 @@ pub enum ScenarioErrorKind {
 impl ScenarioError {
     pub(super) fn new(kind: ScenarioErrorKind) -> Self {
         Self {
-            kind,
+            kind: Box::new(kind),
             file: None,
             place: None,
         }
@@ -161,7 +161,8 @@ impl ScenarioError {
     }
 
     pub(super) fn in_file(mut self, file: impl Into<PathBuf>) -> Self {
-        self.file = Some(file.into());
+        // The first name stays: a task that was given instead of the file's is not in the file.
+        self.file.get_or_insert_with(|| file.into());
         self
     }
 

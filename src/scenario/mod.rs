@@ -24,7 +24,7 @@
 mod error;
 mod locate;
 mod read;
-mod snippet;
+pub(crate) mod snippet;
 mod spec;
 
 use std::path::Path;
@@ -306,7 +306,11 @@ fn check_task(
         .and_then(|parsed| ltl::check_propositions(&parsed, names).map(|()| parsed.formula));
     checked.map_err(|e| {
         let place = place(e.span.clone());
-        ScenarioError::new(ScenarioErrorKind::Formula(e)).at(place)
+        let error = ScenarioError::new(ScenarioErrorKind::Formula(e)).at(place);
+        match written {
+            Some(_) => error,
+            None => error.in_file("the given task"),
+        }
     })
 }
 

@@ -32,7 +32,7 @@ fn refused(from: &str, to: &str) -> (String, ScenarioErrorKind) {
     let text = text
         .split_once("map.toml")
         .map_or(text.clone(), |t| t.1.to_owned());
-    (text, error.kind)
+    (text, *error.kind)
 }
 
 #[test]
@@ -255,7 +255,7 @@ fn lines_of_jsonl_fail_one_by_one() {
 
 #[test]
 fn files_that_are_no_scenarios_are_refused() {
-    let kind = |r: Result<Scenario, ScenarioError>| r.unwrap_err().kind;
+    let kind = |r: Result<Scenario, ScenarioError>| *r.unwrap_err().kind;
     assert!(matches!(
         kind(Scenario::load("no/such.toml")),
         ScenarioErrorKind::Read(_)

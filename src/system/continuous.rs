@@ -111,12 +111,6 @@ impl Continuous {
         self.start
     }
 
-    /// The letters of the places that can be reached from the start.
-    #[must_use]
-    pub fn reachable(&self) -> &LetterSet {
-        &self.reachable
-    }
-
     /// The shortest obstacle-free path between two free points, ends included.
     #[must_use]
     pub fn shortest_path(&self, from: Point2<f64>, to: Point2<f64>) -> Option<Vec<Point2<f64>>> {
@@ -169,6 +163,10 @@ impl TransitionSystem for Continuous {
 
     fn sample_letter(&self, letter: Letter, random: &mut Random) -> Point2<f64> {
         self.map().sample_letter(letter, random)
+    }
+
+    fn reachable(&self) -> &LetterSet {
+        &self.reachable
     }
 
     fn landmarks(&self, letter: Letter) -> &[Landmark] {

@@ -191,12 +191,6 @@ impl Grid {
         self.start
     }
 
-    /// The letters of the cells that can be reached from the start.
-    #[must_use]
-    pub fn reachable(&self) -> &LetterSet {
-        &self.reachable
-    }
-
     /// All cells where the robot can be, in order.
     pub fn free_spots(&self) -> impl Iterator<Item = Spot> + '_ {
         self.spots.iter().flatten().copied()
@@ -431,6 +425,10 @@ impl TransitionSystem for Grid {
         choose(random, &self.by_letter[letter.index()])
             .copied()
             .unwrap_or(self.start.at)
+    }
+
+    fn reachable(&self) -> &LetterSet {
+        &self.reachable
     }
 
     fn landmarks(&self, letter: Letter) -> &[Landmark] {

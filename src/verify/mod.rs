@@ -248,8 +248,8 @@ fn check_cost(stated: &Cost, found: &Cost) -> Result<(), Refusal> {
     ];
     for (what, stated, found) in pairs {
         let slack = COST_TOLERANCE * found.abs().max(1.0);
-        // Not `>`: a stated NaN must fail too.
-        if !((stated - found).abs() <= slack) {
+        let agree = (stated - found).abs() <= slack; // never for a stated NaN
+        if !agree {
             return Err(Refusal::Cost {
                 what,
                 stated,

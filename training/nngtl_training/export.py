@@ -21,6 +21,16 @@ def buffer_digest(data):
     return hashlib.sha256(data[8 + header :]).hexdigest()
 
 
+def _ordered(data):
+    """The same file with its metadata in alphabetical order (the library's order changes from run to run)."""
+    end = 8 + int.from_bytes(data[:8], "little")
+    header = json.loads(data[8:end])
+    header["__metadata__"] = dict(sorted(header["__metadata__"].items()))
+    text = json.dumps(header, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 8)
+    return len(text).to_bytes(8, "little") + text + data[end:]
+
+
 def tensors(model):
     """What a file holds of a model: parameters and running statistics, as f32."""
     return {
@@ -46,7 +56,7 @@ def write(path, model, training=None, extra=None):
     }
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(save(held, metadata))
+    path.write_bytes(_ordered(save(held, metadata)))
 
 
 def read(path):

@@ -1,11 +1,12 @@
-"""Whole-network goldens: small random networks, an input and PyTorch's output, for the Rust tests.
+"""Goldens for the Rust tests: small random networks with an input and PyTorch's output, and map rasters.
 
-``python -m nngtl_training.goldens tests/goldens/models`` writes, for each network, ``NAME.safetensors`` (a weight file as any other)
+``python -m nngtl_training.goldens tests/goldens`` writes ``rasters.json`` (see ``rasters``) and, in ``models/``, for each network, ``NAME.safetensors`` (a weight file as any other)
 and ``NAME.io.safetensors``: ``raster`` (1 + labels, R, R) i8, ``states`` (S, 3) f32, ``transitions`` (T, labels) i8, ``source`` and ``target`` (T) i32,
 ``output``: heatmap (side, side) or state probabilities (S), f32.
 """
 
 import argparse
+import json
 from pathlib import Path
 
 import numpy as np
@@ -133,11 +134,63 @@ def write(folder):
     return spreads
 
 
+def rasters(number=6):
+    """Maps as data sets hold them, with the runs of marked cells of each raster channel.
+
+    A run ``[i, j, n]`` marks the cells (i, j) to (i, j + n − 1). ``channels[0]`` are the obstacles, before the start is
+    put in, ``channels[1..]`` the regions, all in use; ``start_cell`` is where the status is −1.
+    """
+    out = []
+    for index in range(number):
+        rng = np.random.default_rng([9, index])
+        low = np.zeros(2) if index % 2 == 0 else np.array([2.0, -1.0])
+        size = [np.ones(2), np.array([3.0, 2.0]), np.ones(2), np.array([1.5, 4.0])][index % 4]
+        side = [100, 200, 50, 100][index % 4]
+        shapes = [(low + size * _shape(rng, k)).round(4).tolist() for k in range(8)]
+        start = (low + size * rng.uniform(0, 1, 2)).round(4).tolist()
+        frame = lambda points: (np.array(points) - low) / size.max()
+        codes = raster.map_codes([frame(p) for p in shapes[:4]], [frame(p) for p in shapes[4:]], size / size.max(), side)
+        out.append(
+            {
+                "resolution": side,
+                "bounds": [low.tolist(), (low + size).tolist()],
+                "obstacles": shapes[:4],
+                "regions": shapes[4:],
+                "start": start,
+                "start_cell": raster.cell(frame(start), side),
+                "channels": [_runs(codes >> bit & 1) for bit in range(5)],
+            }
+        )
+    return out
+
+
+def _shape(rng, kind):
+    """A polygon in the unit square: rectangles on a coarse grid (so that edges lie on cell borders), stars, slivers."""
+    if kind % 4 < 2:
+        x, y, w, h = rng.integers(0, 16), rng.integers(0, 16), rng.integers(1, 5), rng.integers(1, 5)
+        return np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]]) * 0.05
+    angles = np.sort(rng.uniform(0, 2 * np.pi, 9))
+    radii = rng.uniform(0.03, 0.25, 9) if kind % 4 == 2 else np.array([0.3, 0.01] * 4 + [0.2])
+    star = rng.uniform(0.2, 0.8, 2) + radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return np.clip(star, 0, 1)
+
+
+def _runs(marks):
+    out = []
+    for i, row in enumerate(marks):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], row.astype(np.int8), [0]])))
+        out += [[i, int(a), int(b - a)] for a, b in zip(edges[::2], edges[1::2])]
+    return out
+
+
 def main():
-    parser = argparse.ArgumentParser(description="Writes the whole-network goldens of the Rust tests.")
+    parser = argparse.ArgumentParser(description="Writes the goldens of the Rust tests.")
     parser.add_argument("folder", type=Path)
-    for name, (low, high, spread) in write(parser.parse_args().folder).items():
+    folder = parser.parse_args().folder
+    for name, (low, high, spread) in write(folder / "models").items():
         print(f"{name}: output {low:.4f} to {high:.4f}, deviation {spread:.4f}")
+    lines = ",\n".join(json.dumps(entry, separators=(",", ":")) for entry in rasters())
+    (folder / "rasters.json").write_text(f"[{lines}]\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

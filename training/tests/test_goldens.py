@@ -1,5 +1,6 @@
 """The committed goldens are what the models compute now."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -9,13 +10,13 @@ from safetensors.torch import load_file
 from nngtl_training import export, goldens
 from nngtl_training.graph import Graphs
 
-FOLDER = Path(__file__).parents[2] / "tests" / "goldens" / "models"
+FOLDER = Path(__file__).parents[2] / "tests" / "goldens"
 
 
 @pytest.mark.parametrize("name", goldens.GOLDENS)
 def test_golden(name):
-    model, _ = export.read(FOLDER / f"{name}.safetensors")
-    io = load_file(FOLDER / f"{name}.io.safetensors")
+    model, _ = export.read(FOLDER / "models" / f"{name}.safetensors")
+    io = load_file(FOLDER / "models" / f"{name}.io.safetensors")
     states, transitions = len(io["states"]), len(io["transitions"])
     graphs = Graphs(
         io["states"],
@@ -30,3 +31,7 @@ def test_golden(name):
     torch.testing.assert_close(found, io["output"], rtol=1e-5, atol=1e-6)
     # A golden whose output hardly varies would prove nothing.
     assert io["output"].std() > 1e-3
+
+
+def test_rasters():
+    assert json.loads((FOLDER / "rasters.json").read_text()) == json.loads(json.dumps(goldens.rasters()))

@@ -105,6 +105,14 @@ def test_an_exported_model_computes_what_it_did(name, kind, data_set, tmp_path):
         assert torch.equal(model.eval()(batch.raster, batch.graphs), again(batch.raster, batch.graphs))
 
 
+def test_the_same_weights_give_the_same_bytes(tmp_path):
+    model = models.build(small("statenet")["network"])
+    files = [tmp_path / str(k) for k in range(4)]
+    for file in files:
+        export.write(file, model, {"seed": 1, "steps": 2}, {"power": 2})
+    assert len({file.read_bytes() for file in files}) == 1
+
+
 def test_a_changed_weight_file_is_refused(tmp_path):
     config = small("statenet")["network"]
     path = tmp_path / "x.safetensors"

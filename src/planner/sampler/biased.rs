@@ -1,7 +1,8 @@
 //! Biased sampling: S-1 to S-6 of `nngtl.md`, III-B, with the distributions of TL-RRT*.
 
-use super::choices::{Preference, destination, settle};
+use super::choices::{Preference, Target, destination, settle};
 use super::{Draw, View, uniform};
+use crate::planner::tree::NodeId;
 use crate::random::{Random, chance, normal};
 
 /// Draws a point towards what the automaton needs next.
@@ -10,21 +11,29 @@ pub(super) fn draw(view: &View<'_>, random: &mut Random) -> Option<Draw> {
     let Some(target) = chosen.target else {
         return Some(uniform(view, random));
     };
-    let closest = Some(chosen.closest);
     if !chance(random, view.settings.y_rand) {
         return Some(Draw {
-            closest,
+            closest: Some(chosen.closest),
             ..uniform(view, random)
         });
     }
-    // S-5: the second point of the shortest path within the free space.
-    let from = view.tree.spot(chosen.closest).at;
+    towards(view, chosen.closest, target, random)
+}
+
+/// S-5 and S-6: a point around the direction from `closest` to the second point of the shortest
+/// path to `target`.
+pub(super) fn towards(
+    view: &View<'_>,
+    closest: NodeId,
+    target: Target,
+    random: &mut Random,
+) -> Option<Draw> {
+    let from = view.tree.spot(closest).at;
     let heading = view.system.first_leg(from, target.at, target.fixed)? - from;
     let length = heading.norm();
     if length <= 0.0 {
         return Some(uniform(view, random));
     }
-    // S-6: a normal distribution over distance and angle around that direction.
     let direction = heading / length;
     let side = view.system.bounds().side();
     let at = settle(view, random, |random| {
@@ -37,5 +46,8 @@ pub(super) fn draw(view: &View<'_>, random: &mut Random) -> Option<Draw> {
         );
         from + turned * distance
     })?;
-    Some(Draw { at, closest })
+    Some(Draw {
+        at,
+        closest: Some(closest),
+    })
 }

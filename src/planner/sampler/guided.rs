@@ -41,6 +41,10 @@ pub(super) fn draw(guide: &Guide, view: &View<'_>, random: &mut Random) -> Optio
             ..uniform(view, random)
         });
     }
+    // The original strategy keeps its share here too: a rectangle can miss every way around a wall.
+    if !chance(random, view.settings.alpha) {
+        return super::biased::towards(view, chosen.closest, target, random);
+    }
     // C-2: the rectangle between the two points, weighted by the heatmap.
     let from = view.tree.spot(chosen.closest).at;
     let frame = Frame::new(view.system.bounds(), guide.sums.side);

@@ -1,0 +1,192 @@
+//! The program itself, on bad input and odd surroundings: exit code 2 and a message that helps.
+
+mod cli;
+
+use std::io::Read;
+use std::process::Stdio;
+
+use cli::{command, finish, folder, nngtl, shipped};
+
+#[test]
+fn bad_input_ends_with_2_and_names_file_line_and_column() {
+    let folder = folder();
+    let path = folder.path().join("bad.toml");
+    let text = std::fs::read_to_string(shipped("case-study.toml")).unwrap();
+    std::fs::write(&path, text.replace("<> l3\"", "<> l33\"")).unwrap();
+    let path = path.display().to_string();
+    let run = nngtl(&["plan", &path]);
+    assert_eq!((run.code, run.out.as_str()), (2, ""), "{run:?}");
+    let first = run.err.lines().next().unwrap();
+    assert!(
+        first.starts_with(&format!("nngtl: error: {path}:6:")),
+        "{run:?}"
+    );
+    assert!(
+        first.contains("unknown proposition `l33`") && first.contains("`l3`"),
+        "{run:?}"
+    );
+    let lines: Vec<&str> = run.err.lines().collect();
+    let caret = lines[3].find("^^^").expect("a caret");
+    assert_eq!(&lines[2][caret..caret + 3], "l33", "{run:?}");
+
+    let run = nngtl(&["plan", &path, "--json"]);
+    let object = run.json();
+    assert_eq!(
+        (run.code, object["outcome"].as_str()),
+        (2, Some("bad-input"))
+    );
+    assert_eq!(
+        (object["version"].as_u64(), object["line"].as_u64()),
+        (Some(1), Some(6))
+    );
+}
+
+#[test]
+fn what_cannot_be_understood_is_usage_and_ends_with_2() {
+    let scenario = shipped("case-study.toml");
+    let cases: [&[&str]; 6] = [
+        &["plan"],
+        &["fly", &scenario],
+        &["plan", &scenario, "--sampler", "magic"],
+        &["plan", &scenario, "--seed", "-1"],
+        &["plan", &scenario, "--automaton", "a.hoa", "--task", "<> l1"],
+        &[],
+    ];
+    for arguments in cases {
+        let run = nngtl(arguments);
+        assert_eq!(
+            (run.code, run.out.as_str()),
+            (2, ""),
+            "{arguments:?}: {run:?}"
+        );
+        assert!(run.err.contains("nngtl"), "{arguments:?}: {run:?}");
+    }
+}
+
+#[test]
+fn input_that_is_out_of_range_ends_with_2() {
+    let scenario = shipped("case-study.toml");
+    let cases: [(&[&str], &str); 8] = [
+        (&["plan", "no-such.toml"], "no-such.toml: cannot read"),
+        (&["plan", &scenario, "--weight", "2"], "weight is 2"),
+        (&["plan", &scenario, "--y-rand", "1"], "y_rand"),
+        (&["plan", &scenario, "--task", "X l1"], "next"),
+        (
+            &["plan", &scenario, "--task", "l1 &"],
+            "the formula ends too early",
+        ),
+        (
+            &["plan", &scenario, "--out", "no/such/folder/p.json"],
+            "no such folder",
+        ),
+        (&["heatmap", &scenario, "--out", "h.gif"], ".npy"),
+        (&["verify", &scenario, &scenario], "not a plan"),
+    ];
+    for (arguments, reason) in cases {
+        let run = nngtl(arguments);
+        assert_eq!(run.code, 2, "{arguments:?}: {run:?}");
+        assert!(run.err.contains(reason), "{arguments:?}: {run:?}");
+        assert!(
+            run.err.starts_with("nngtl: error: "),
+            "{arguments:?}: {run:?}"
+        );
+        assert!(run.out.is_empty(), "{arguments:?}: {run:?}");
+    }
+}
+
+#[test]
+fn colours_are_only_where_they_are_wanted() {
+    let arguments = |when| ["plan", "no-such.toml", "--color", when];
+    assert!(nngtl(&arguments("always")).err.contains("\u{1b}["));
+    assert!(!nngtl(&arguments("never")).err.contains('\u{1b}'));
+    assert!(
+        !nngtl(&arguments("auto")).err.contains('\u{1b}'),
+        "stderr is no terminal here"
+    );
+    let usage = |when| nngtl(&["plan", "--color", when]).err;
+    assert!(usage("always").contains('\u{1b}') && !usage("never").contains('\u{1b}'));
+}
+
+#[test]
+fn help_and_version_go_to_stdout() {
+    let run = nngtl(&["plan", "--help"]);
+    assert_eq!((run.code, run.err.as_str()), (0, ""), "{run:?}");
+    for word in ["--sampler", "--time-limit", "Examples:"] {
+        assert!(run.out.contains(word), "{word}");
+    }
+    let run = nngtl(&["--version"]);
+    assert_eq!(
+        (run.code, run.out.trim()),
+        (0, concat!("nngtl ", env!("CARGO_PKG_VERSION")))
+    );
+}
+
+#[test]
+fn a_closed_pipe_is_no_error() {
+    let mut child = command()
+        .args([
+            "translate",
+            "[]<> a && []<> b && []<> c && []<> d",
+            "--format",
+            "dot",
+        ])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let mut err = String::new();
+    child
+        .stderr
+        .take()
+        .unwrap()
+        .read_to_string(&mut err)
+        .unwrap();
+    assert!(child.wait().unwrap().success());
+    assert_eq!(err, "");
+}
+
+#[test]
+fn the_log_answers_to_its_variable() {
+    let translate = ["translate", "<> a"];
+    let run = finish(command().args(translate).env("RUST_LOG", "trace"));
+    assert_eq!(run.code, 0);
+    let quiet = nngtl(&translate);
+    assert_eq!((quiet.code, quiet.err.as_str()), (0, ""));
+    assert_eq!(run.out, quiet.out, "the log goes to stderr");
+}
+
+/// Ctrl-C ends the search with the best plan so far, not with nothing.
+#[cfg(unix)]
+#[test]
+fn an_interrupt_gives_the_best_plan_so_far() {
+    let scenario = shipped("tl-rrt-star.toml");
+    let child = command()
+        .args([
+            "plan",
+            &scenario,
+            "--sampler",
+            "biased",
+            "--iterations",
+            "100000000",
+        ])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    let kill = std::process::Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(kill.unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let (out, err) = (
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr),
+    );
+    assert_eq!(output.status.code(), Some(0), "{out}{err}");
+    assert!(
+        out.contains("planned and verified") && err.contains("interrupted"),
+        "{out}{err}"
+    );
+}

@@ -1,0 +1,178 @@
+//! The program itself, on plans: what it prints, writes, and ends with.
+
+mod cli;
+
+use cli::{Run, folder, nngtl, shipped};
+use nngtl::plan::PlanFile;
+
+/// The quickest way to a plan that needs no networks.
+const QUICK: [&str; 4] = ["--sampler", "biased", "--iterations", "1500"];
+
+fn plan(scenario: &str, more: &[&str]) -> Run {
+    let mut words = vec!["plan".to_owned(), shipped(scenario)];
+    words.extend(QUICK.iter().chain(more).map(ToString::to_string));
+    nngtl(&words)
+}
+
+#[test]
+fn a_plan_is_printed_written_drawn_and_verified() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (json, svg, png) = (path("plan.json"), path("plan.svg"), path("plan.png"));
+    let run = plan(
+        "case-study.toml",
+        &["--out", &json, "--svg", &svg, "--png", &png],
+    );
+    assert_eq!(run.code, 0, "{run:?}");
+    assert!(
+        run.out.contains("planned and verified (biased sampler)"),
+        "{run:?}"
+    );
+    assert!(run.out.contains("({l1})^ω"), "{run:?}");
+    assert!(
+        run.err.contains("wrote") && !run.err.contains("error"),
+        "{run:?}"
+    );
+
+    let file = PlanFile::read(&json).unwrap();
+    assert_eq!(file.scenario.as_deref(), Some("case-study"));
+    assert_eq!(
+        (file.sampler.as_deref(), file.seed),
+        (Some("biased"), Some(0))
+    );
+    assert_eq!(file.suffix.len(), 1, "the suffix is trivial");
+    assert!(file.first.unwrap().cost >= file.cost.unwrap().total);
+    assert!(
+        std::fs::read_to_string(&svg)
+            .unwrap()
+            .contains("stays here")
+    );
+    assert!(std::fs::read(&png).unwrap().starts_with(b"\x89PNG"));
+
+    let run = nngtl(&["verify", &shipped("case-study.toml"), &json]);
+    assert_eq!(run.code, 0, "{run:?}");
+    assert!(
+        run.out.contains("verified") && run.err.is_empty(),
+        "{run:?}"
+    );
+}
+
+#[test]
+fn a_plan_that_was_tampered_with_is_refused_with_the_reason() {
+    let folder = folder();
+    let json = folder.path().join("plan.json");
+    let path = json.display().to_string();
+    let run = plan("case-study.toml", &["--out", &path, "-q"]);
+    assert_eq!((run.code, run.err.as_str()), (0, ""), "{run:?}");
+    let mut file = PlanFile::read(&json).unwrap();
+    let last = file.prefix.len() - 1;
+    file.prefix.remove(last / 2);
+    file.write(&json).unwrap();
+    let run = nngtl(&["verify", &shipped("case-study.toml"), &path, "--json"]);
+    assert_eq!(run.code, 1, "{run:?}");
+    let object = run.json();
+    assert_eq!(
+        (object["version"].as_u64(), object["outcome"].as_str()),
+        (Some(1), Some("refused"))
+    );
+    assert!(run.err.starts_with("nngtl: error: "), "{run:?}");
+
+    // Another mission on the same path.
+    let run = plan("case-study.toml", &["--out", &path, "-q"]);
+    assert_eq!(run.code, 0);
+    let run = nngtl(&[
+        "verify",
+        &shipped("case-study.toml"),
+        &path,
+        "--task",
+        "[] !l3",
+    ]);
+    assert_eq!(run.code, 1, "{run:?}");
+    assert!(
+        run.err.contains("G!l3") && run.err.contains("{l3}"),
+        "{run:?}"
+    );
+    assert!(run.err.contains("made for another scenario"), "{run:?}");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes() {
+    let prefix = |seed: &str| {
+        let run = plan("patrol.toml", &["--seed", seed, "--json"]);
+        run.json()["plan"]["prefix"].to_string()
+    };
+    assert_eq!(prefix("5"), prefix("5"));
+    assert_ne!(prefix("5"), prefix("6"));
+}
+
+#[test]
+fn json_holds_plan_word_and_files() {
+    let folder = folder();
+    let svg = folder.path().join("p.svg").display().to_string();
+    let run = plan(
+        "many.jsonl",
+        &["--pick", "shuttle", "--json", "--svg", &svg],
+    );
+    assert_eq!(run.code, 0, "{run:?}");
+    let object = run.json();
+    assert_eq!(object["version"], 1);
+    assert_eq!(object["outcome"], "planned");
+    assert_eq!(object["verified"], true);
+    assert_eq!(object["files"][0], svg);
+    assert_eq!(object["plan"]["version"], 1);
+    assert_eq!(object["plan"]["weight"], 0.5);
+    assert!(object["word"].as_str().unwrap().contains("^ω"));
+}
+
+#[test]
+fn missions_without_a_plan_end_with_1_and_say_why() {
+    let run = plan("infeasible.toml", &[]);
+    assert_eq!(run.code, 1, "{run:?}");
+    assert!(
+        run.err.contains("cannot be reached") && run.err.contains("{vault}"),
+        "{run:?}"
+    );
+    assert!(run.out.is_empty(), "{run:?}");
+
+    let run = plan("case-study.toml", &["--task", "<> l1 && [] !l1", "--json"]);
+    assert_eq!(
+        (run.code, run.json()["outcome"].as_str()),
+        (1, Some("unsatisfiable")),
+        "{run:?}"
+    );
+
+    let run = nngtl(&[
+        "plan",
+        &shipped("patrol.toml"),
+        "--sampler",
+        "uniform",
+        "--iterations",
+        "5",
+    ]);
+    assert_eq!(run.code, 1, "{run:?}");
+    assert!(
+        run.err.contains("no plan found within 5 iterations"),
+        "{run:?}"
+    );
+}
+
+#[test]
+fn the_first_plan_is_enough_if_asked() {
+    let first = plan("tl-rrt-star.toml", &["--first", "--json"]).json();
+    let best = plan("tl-rrt-star.toml", &["--json"]).json();
+    let total = |object: &serde_json::Value| object["plan"]["cost"]["total"].as_f64().unwrap();
+    assert!(total(&best) < total(&first));
+    assert_eq!(
+        total(&first),
+        best["plan"]["first"]["cost"].as_f64().unwrap()
+    );
+}
+
+#[test]
+fn the_exact_planner_beats_sampling_here() {
+    let exact = plan("case-study.toml", &["--sampler", "exact", "--json"]).json();
+    let sampled = plan("case-study.toml", &["--json"]).json();
+    let total = |object: &serde_json::Value| object["plan"]["cost"]["total"].as_f64().unwrap();
+    assert!(total(&exact) <= total(&sampled) && total(&exact) > 0.9 * total(&sampled));
+    assert_eq!(exact["word"], "{} {l2} {} {l3} {} ({l1})^ω");
+}

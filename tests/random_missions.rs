@@ -1,0 +1,135 @@
+//! Random maps with random missions: every plan passes the checker, every mission without a plan
+//! says why, nothing panics.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nngtl::bench::flat;
+use nngtl::dataset::maps::{Family, draw_map, draw_start};
+use nngtl::dataset::missions::{draw_pattern, draw_tree};
+use nngtl::mission::{self, MissionError};
+use nngtl::planner::{Guide, PlanError, Problem, Sampler, Settings, Stop, plan};
+use nngtl::random::generator;
+use nngtl::scenario::Scenario;
+use nngtl::system::Continuous;
+use nngtl::verify;
+
+/// How many missions; more with `NNGTL_TEST_SCALE` (a factor).
+fn missions() -> u64 {
+    let scale = std::env::var("NNGTL_TEST_SCALE").ok();
+    let scale: f64 = scale.and_then(|s| s.parse().ok()).unwrap_or(1.0);
+    (200.0 * scale).max(1.0) as u64
+}
+
+fn scenario(seed: u64) -> Scenario {
+    let mut random = generator(seed, 77);
+    let family = Family::ALL[seed as usize % Family::ALL.len()];
+    let workspace = draw_map(family, &mut random).workspace().unwrap();
+    let start = draw_start(&workspace, &mut random);
+    let regions = workspace.regions().len();
+    let formula = if seed.is_multiple_of(3) {
+        draw_tree(regions, &mut random)
+    } else {
+        draw_pattern(regions, &mut random).1
+    };
+    Scenario {
+        name: format!("random-{seed}"),
+        workspace: Arc::new(workspace),
+        start,
+        task: formula.to_string(),
+        formula,
+        weight: 0.2,
+        hash: String::new(),
+    }
+}
+
+/// Plans with all samplers; the outcome in a word.
+fn outcome(scenario: &Scenario) -> &'static str {
+    let task = match mission::task(scenario) {
+        Ok(task) => Arc::new(task),
+        Err(MissionError::Task(why)) => {
+            assert!(why.to_string().len() > 20, "{why}");
+            return "no automaton";
+        }
+        Err(other) => panic!("{}: {other}", scenario.name),
+    };
+    let system = Continuous::new(Arc::clone(&scenario.workspace), scenario.start).unwrap();
+    let problem = Problem {
+        start: system.start(),
+        system: Arc::new(system),
+        task: Arc::clone(&task),
+        weight: scenario.weight,
+    };
+    let states = task.nba.len();
+    let guide = Guide::new(&flat(states), states).unwrap();
+    let mut solved = 0;
+    for sampler in [Sampler::Biased, Sampler::Guided(Arc::new(guide))] {
+        let settings = Settings {
+            iterations: 3_000,
+            first: true,
+            ..Settings::default()
+        };
+        match plan(&problem, &sampler, &settings, &Stop::new(), &mut |_| {}) {
+            Ok(found) => {
+                let (map, start) = (&scenario.workspace, scenario.start);
+                let cost = Some(&found.cost);
+                verify::verify(map, start, &scenario.formula, &found.path, 0.2, cost)
+                    .unwrap_or_else(|why| {
+                        panic!(
+                            "{} `{}` {}: {why}",
+                            scenario.name,
+                            scenario.task,
+                            sampler.name()
+                        )
+                    });
+                solved += 1;
+            }
+            Err(PlanError::NotFound(why)) => {
+                assert_eq!(why.stats.iterations, 3_000);
+                assert!(why.steps_left > 0 || why.stats.goals > 0);
+            }
+            Err(other) => panic!("{}: {other}", scenario.name),
+        }
+    }
+    ["not found in the budget", "found by one", "found by both"][solved]
+}
+
+#[test]
+fn every_plan_verifies_and_every_failure_says_why() {
+    let mut outcomes: BTreeMap<&str, u64> = BTreeMap::new();
+    for seed in 0..missions() {
+        *outcomes.entry(outcome(&scenario(seed))).or_default() += 1;
+    }
+    println!("{outcomes:?}");
+    let found = outcomes.get("found by both").copied().unwrap_or(0);
+    let infeasible = outcomes.get("no automaton").copied().unwrap_or(0);
+    assert!(
+        found * 10 >= (missions() - infeasible) * 8,
+        "four of five feasible missions are planned: {outcomes:?}"
+    );
+}
+
+/// The same through the whole house, with anytime improvement: the cost never gets worse than the
+/// first plan's, and `plan` refuses what its own checker refuses.
+#[test]
+fn whole_missions_improve_and_verify() {
+    for seed in 0..missions().min(24) {
+        let scenario = scenario(seed);
+        let options = mission::Options {
+            sampler: mission::SamplerChoice::Biased,
+            settings: Settings {
+                iterations: 1_500,
+                ..Settings::default()
+            },
+            ..mission::Options::default()
+        };
+        match mission::plan(&scenario, &options) {
+            Ok(planned) => {
+                let (first, cost) = (planned.file.first.unwrap(), planned.file.cost.unwrap());
+                assert!(cost.total <= first.cost + 1e-9, "{}", scenario.name);
+            }
+            Err(MissionError::Refused(why)) => panic!("{}: {why}", scenario.name),
+            Err(why) => assert!(!why.to_string().is_empty()),
+        }
+    }
+}

@@ -16,6 +16,7 @@
 //! ```
 
 mod guide;
+mod transfer;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -27,12 +28,15 @@ use crate::automaton::{Limits, Nba, Task, TaskError};
 use crate::guidance::Guidance;
 use crate::nn::{DeviceChoice, LoadError, PredictError};
 use crate::plan::{Cost, First, Path, PlanFile, PlanStats, StageSeconds};
-use crate::planner::{self, PlanError, Problem, Progress, Sampler, Settings, Stats, Stop};
+use crate::planner::{
+    self, GuidanceError, PlanError, Problem, Progress, Sampler, Settings, Stats, Stop,
+};
 use crate::scenario::Scenario;
 use crate::system::{Continuous, Grid, GridError, Spot, StartError, TransitionSystem};
 use crate::verify::{self, Refusal, Verified};
 
 pub use guide::{Prediction, predict, predict_with};
+pub use transfer::{Change, build_library, replan_task, transfer_task};
 
 /// Which strategy plans a mission.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -98,6 +102,9 @@ pub enum MissionError {
     /// The grid does not fit.
     #[error(transparent)]
     Grid(#[from] GridError),
+    /// A heatmap that cannot guide.
+    #[error(transparent)]
+    Guidance(#[from] GuidanceError),
     /// The networks cannot be loaded.
     #[error(transparent)]
     Load(#[from] LoadError),
@@ -297,12 +304,7 @@ fn exact(scenario: &Scenario, task: &Task) -> Result<Planned, MissionError> {
 
 /// The checker, by the formula where there is one, and by the rules of the world that the robot
 /// moves in.
-fn check(
-    scenario: &Scenario,
-    task: &Task,
-    path: &Path,
-    cost: &Cost,
-) -> Result<Verified, Refusal> {
+fn check(scenario: &Scenario, task: &Task, path: &Path, cost: &Cost) -> Result<Verified, Refusal> {
     let automaton = match task.formula {
         Some(_) => None,
         None => Some(&task.nba),

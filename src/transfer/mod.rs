@@ -2,6 +2,7 @@
 
 mod build;
 mod goals;
+mod learn;
 mod library;
 mod matching;
 mod optimum;
@@ -13,6 +14,7 @@ mod skill;
 mod subtasks;
 
 pub use build::{BuildProgress, BuildSampler, BuildSettings, Built, build};
+pub use learn::learn;
 pub use library::{
     Anchor, Dropped, Library, LibraryError, LibraryFile, Loaded, Offer, StoredSkill,
 };

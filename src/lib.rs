@@ -17,5 +17,6 @@ pub mod random;
 pub mod render;
 pub mod scenario;
 pub mod system;
+pub mod transfer;
 pub mod verify;
 pub mod workspace;

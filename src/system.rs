@@ -1,19 +1,21 @@
 //! Transition systems: what a planner asks of the world that the robot moves in.
 //!
-//! The continuous workspace ([`Continuous`]) is one; planners are written against the trait and
-//! know no geometry beyond points and lengths.
+//! The continuous workspace ([`Continuous`]) is one, the transfer paper's grid ([`Grid`]) another;
+//! planners are written against the trait and know no geometry beyond points and lengths.
 
 mod continuous;
+mod grid;
 
 use std::sync::Arc;
 
 use nalgebra::Point2;
 
-use crate::alphabet::{Alphabet, Letter};
+use crate::alphabet::{Alphabet, Letter, LetterSet};
 use crate::random::Random;
-use crate::workspace::Bounds;
+use crate::workspace::{Bounds, Workspace};
 
 pub use continuous::{Continuous, StartError};
+pub use grid::{Grid, GridError, MAX_CELLS};
 
 /// A place where the robot can be, with what it sees there.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,10 +61,61 @@ pub trait TransitionSystem: Send + Sync {
     /// A point uniform over the part of the free space that carries `letter`.
     fn sample_letter(&self, letter: Letter, random: &mut Random) -> Point2<f64>;
 
+    /// The letters of the places that can be reached from the start.
+    fn reachable(&self) -> &LetterSet;
+
     /// The destinations for `letter` that can be reached from the start.
     fn landmarks(&self, letter: Letter) -> &[Landmark];
 
     /// The first point after `from` on the shortest path to `to` that meets no obstacle; `None`
     /// if there is no path. With `keep`, what was found out about `to` is kept for later calls.
     fn first_leg(&self, from: Point2<f64>, to: Point2<f64>, keep: bool) -> Option<Point2<f64>>;
+
+    /// In a system of finitely many places: puts every place that one move from `from` leads to
+    /// (staying left out) into `into` and returns `true`. `false` where places are infinitely many.
+    fn neighbours(&self, _from: &Spot, _into: &mut Vec<Spot>) -> bool {
+        false
+    }
+
+    /// Which of the [landmarks](Self::landmarks) of the spot's letter stands for the connected part
+    /// that holds the spot; `None` if that part cannot be reached from the start.
+    fn part(&self, spot: &Spot) -> Option<u32>;
+
+    /// Whether a plan's word has one letter for each waypoint, waits included, so that formulas with
+    /// next have a meaning. Otherwise the word is what is seen along continuous motion.
+    fn reads_waypoints(&self) -> bool {
+        false
+    }
+
+    /// A hash of everything that decides which moves are possible and what is seen (hexadecimal
+    /// SHA-256): bounds, obstacles, regions and their names, and the grid if there is one.
+    fn fingerprint(&self) -> String;
+}
+
+/// Hashes a map's geometry, and the numbers of a grid over it.
+fn fingerprint(map: &Workspace, grid: &[f64]) -> String {
+    use sha2::Digest as _;
+    let mut hash = sha2::Sha256::new();
+    let mut number = |x: f64| hash.update(x.to_le_bytes());
+    let bounds = map.bounds();
+    for x in [bounds.min.x, bounds.min.y, bounds.max.x, bounds.max.y] {
+        number(x);
+    }
+    number(grid.len() as f64);
+    grid.iter().for_each(|&x| number(x));
+    let polygons = map
+        .obstacles()
+        .iter()
+        .map(|o| ("", o))
+        .chain(map.regions().iter().map(|r| (r.name.as_str(), &r.polygon)));
+    for (name, polygon) in polygons {
+        hash.update((name.len() as u64).to_le_bytes());
+        hash.update(name.as_bytes());
+        hash.update((polygon.vertices().len() as u64).to_le_bytes());
+        for v in polygon.vertices() {
+            hash.update(v.x.to_le_bytes());
+            hash.update(v.y.to_le_bytes());
+        }
+    }
+    hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
 }

@@ -5,6 +5,7 @@
 
 mod report;
 mod stats;
+pub mod transfer;
 
 use std::sync::Arc;
 

@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::nn::DeviceChoice;
 use crate::planner::Settings;
+use crate::transfer::BuildSettings;
 
 /// Plans robot missions given in temporal logic, guided by neural networks.
 ///
@@ -73,6 +74,10 @@ pub(super) enum Command {
     Model(ModelCommand),
     #[command(subcommand)]
     Dataset(DatasetCommand),
+    #[command(subcommand)]
+    Library(LibraryCommand),
+    Transfer(TransferArgs),
+    Replan(ReplanArgs),
     Bench(BenchArgs),
 }
 
@@ -347,7 +352,10 @@ pub(super) struct GenerateArgs {
 #[command(
     after_help = "Examples:\n  nngtl bench scenarios/*.toml\n  nngtl bench data --limit 200 --trials 5 --report bench.md --csv bench.csv"
 )]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(super) struct BenchArgs {
+    #[command(subcommand)]
+    pub(super) table: Option<BenchCommand>,
     /// Scenario files, or folders of generated data sets
     #[arg(value_name = "SCENARIOS", required = true)]
     pub(super) scenarios: Vec<PathBuf>,
@@ -393,4 +401,179 @@ pub(super) enum StrategyName {
     Flat,
     /// Guided by the networks
     Guided,
+}
+
+/// A benchmark of its own.
+#[derive(Debug, Subcommand)]
+pub(super) enum BenchCommand {
+    Transfer(BenchTransferArgs),
+}
+
+/// Measure transfer planning as its paper does
+///
+/// Table I and II on the paper's grid with the paper's figures beside ours, and the same in the
+/// continuous workspace of the TL-RRT* reference case.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  nngtl bench transfer\n  nngtl bench transfer --table 1 --hoa automata --report table.md"
+)]
+pub(super) struct BenchTransferArgs {
+    /// Which tables
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_values_t = [TransferTable::One, TransferTable::Two, TransferTable::Continuous])]
+    pub(super) table: Vec<TransferTable>,
+    /// Runs of each formula, and in each changed environment
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
+    pub(super) trials: u64,
+    /// Changed environments for each formula and number of obstacles
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
+    pub(super) environments: u64,
+    /// Seed of the first run
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Seconds of each anytime phase, at most
+    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    pub(super) anytime: f64,
+    /// Count subtasks on these automata, too: a folder of phi1.hoa to phi6.hoa
+    #[arg(long, value_name = "DIR")]
+    pub(super) hoa: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) network: NetworkArgs,
+    /// Write the tables as Markdown
+    #[arg(long, value_name = "FILE.md")]
+    pub(super) report: Option<PathBuf>,
+}
+
+/// A table of the transfer benchmark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum TransferTable {
+    /// Table I: new formulas
+    #[value(name = "1")]
+    One,
+    /// Table II: changed environments
+    #[value(name = "2")]
+    Two,
+    /// The continuous workspace
+    Continuous,
+}
+
+/// Build and look at libraries of skills
+#[derive(Debug, Subcommand)]
+pub(super) enum LibraryCommand {
+    Build(LibraryBuildArgs),
+    Show(LibraryShowArgs),
+    Merge(LibraryMergeArgs),
+}
+
+/// Build a library of skills from a mission
+///
+/// Decomposes the mission into subtasks and learns a path for each. The library belongs to the
+/// scenario's map; other missions on the same map reuse it.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  nngtl library build scenarios/transfer-grid.toml --out skills.library\n  nngtl library build scenarios/tl-rrt-star.toml --task '<> l1 && <> l2 && <> l3' --sampler guided --out skills.library --svg skills.svg"
+)]
+pub(super) struct LibraryBuildArgs {
+    #[command(flatten)]
+    pub(super) mission: MissionArgs,
+    #[command(flatten)]
+    pub(super) network: NetworkArgs,
+    /// The file to write
+    #[arg(long, value_name = "FILE")]
+    pub(super) out: PathBuf,
+    /// Add to the library that is in the file already
+    #[arg(long)]
+    pub(super) extend: bool,
+    /// Where to look next: uniform or guided
+    #[arg(long, value_enum, default_value_t = SamplerName::Uniform, value_name = "NAME")]
+    pub(super) sampler: SamplerName,
+    /// Seed of every random choice
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Places to sample at most; each is offered to every subtree
+    #[arg(long, value_name = "N", default_value_t = BuildSettings::default().samples)]
+    pub(super) samples: u64,
+    /// Product states of all subtrees at most
+    #[arg(long, value_name = "N", default_value_t = BuildSettings::default().nodes)]
+    pub(super) nodes: u64,
+    /// Draw map and skills as SVG
+    #[arg(long, value_name = "FILE.svg")]
+    pub(super) svg: Option<PathBuf>,
+    /// Draw map and skills as PNG
+    #[arg(long, value_name = "FILE.png")]
+    pub(super) png: Option<PathBuf>,
+}
+
+/// Show what is in a library
+///
+/// With a scenario, every skill is checked on its map, and those that do not hold there are told.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  nngtl library show skills.library\n  nngtl library show skills.library --scenario scenarios/transfer-grid.toml --svg skills.svg"
+)]
+pub(super) struct LibraryShowArgs {
+    /// The library
+    #[arg(value_name = "FILE")]
+    pub(super) library: PathBuf,
+    /// Check the skills on this scenario's map
+    #[arg(long, value_name = "SCENARIO")]
+    pub(super) scenario: Option<PathBuf>,
+    /// Which scenario of a .jsonl file: its name, or the number of its line
+    #[arg(long, value_name = "NAME|LINE", requires = "scenario")]
+    pub(super) pick: Option<String>,
+    /// Draw map and skills as SVG
+    #[arg(long, value_name = "FILE.svg", requires = "scenario")]
+    pub(super) svg: Option<PathBuf>,
+    /// Draw map and skills as PNG
+    #[arg(long, value_name = "FILE.png", requires = "scenario")]
+    pub(super) png: Option<PathBuf>,
+}
+
+/// Put libraries of one map together
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Example:\n  nngtl library merge monday.library tuesday.library --out week.library"
+)]
+pub(super) struct LibraryMergeArgs {
+    /// The libraries
+    #[arg(value_name = "FILES", required = true, num_args = 2..)]
+    pub(super) libraries: Vec<PathBuf>,
+    /// The file to write
+    #[arg(long, value_name = "FILE")]
+    pub(super) out: PathBuf,
+}
+
+/// Plan a mission with a library of skills
+///
+/// Matches the mission's subtasks with skills, joins them to a first plan, and keeps improving until
+/// the budget ends. A library of another map is checked skill by skill and never trusted.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  nngtl transfer scenarios/transfer-grid.jsonl --pick transfer-phi4 --library skills.library --first\n  nngtl transfer scenarios/tl-rrt-star.toml --library skills.library --learn --svg plan.svg"
+)]
+pub(super) struct TransferArgs {
+    #[command(flatten)]
+    pub(super) plan: PlanArgs,
+    /// The library
+    #[arg(long, value_name = "FILE")]
+    pub(super) library: PathBuf,
+    /// Add what the plan learned to the library
+    #[arg(long)]
+    pub(super) learn: bool,
+}
+
+/// Repair a plan for a changed scenario
+///
+/// Only the segments that new obstacles broke are planned again. Where that is not possible, the
+/// mission is planned anew, with the library if one is given. The whole plan is checked.
+#[derive(Args, Debug)]
+#[command(after_help = "Example:\n  nngtl replan changed.toml plan.json --out repaired.json")]
+pub(super) struct ReplanArgs {
+    #[command(flatten)]
+    pub(super) plan: PlanArgs,
+    /// The plan that was made before the change
+    #[arg(value_name = "PLAN.json")]
+    pub(super) old: PathBuf,
+    /// A library for planning anew
+    #[arg(long, value_name = "FILE")]
+    pub(super) library: Option<PathBuf>,
 }

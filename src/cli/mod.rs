@@ -6,6 +6,7 @@
 
 mod args;
 mod bench;
+mod bench_transfer;
 mod console;
 mod devices;
 mod failure;
@@ -13,8 +14,11 @@ mod files;
 mod generate;
 mod heatmap;
 mod interrupt;
+mod library;
 mod model;
 mod plan;
+mod replan;
+mod transfer;
 mod translate;
 mod verify;
 
@@ -24,7 +28,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{ColorChoice, CommandFactory, FromArgMatches};
 
-use args::{Cli, Command, DatasetCommand, ModelCommand};
+use args::{BenchCommand, Cli, Command, DatasetCommand, LibraryCommand, ModelCommand};
 use console::Console;
 use failure::Failure;
 
@@ -69,7 +73,15 @@ fn run(command: &Command, console: &Console) -> Result<(), Failure> {
         Command::Heatmap(args) => heatmap::run(args, console),
         Command::Devices(_) => devices::run(console),
         Command::Model(ModelCommand::Show { file }) => model::show(file, console),
-        Command::Bench(args) => bench::run(args, console),
+        Command::Library(LibraryCommand::Build(args)) => library::build(args, console),
+        Command::Library(LibraryCommand::Show(args)) => library::show(args, console),
+        Command::Library(LibraryCommand::Merge(args)) => library::merge(args, console),
+        Command::Transfer(args) => transfer::run(args, console),
+        Command::Replan(args) => replan::run(args, console),
+        Command::Bench(args) => match &args.table {
+            Some(BenchCommand::Transfer(args)) => bench_transfer::run(args, console),
+            None => bench::run(args, console),
+        },
         Command::Dataset(DatasetCommand::Generate(args)) => generate::run(args, console),
     }
 }

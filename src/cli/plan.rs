@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Instant;
 
-use serde_json::json;
+use nalgebra::Point2;
+use serde_json::{Value, json};
 
 use super::args::{PlanArgs, SamplerName};
 use super::console::{Console, rest, seconds};
@@ -12,7 +13,7 @@ use super::failure::{Failure, JSON_VERSION};
 use super::files;
 use crate::automaton::Task;
 use crate::mission::{self, MissionError, Options, Planned, SamplerChoice};
-use crate::planner::{EndReason, NotFound, PlanError, Progress, Settings};
+use crate::planner::{EndReason, NotFound, PlanError, Progress, Settings, Stop};
 use crate::render::Picture;
 use crate::scenario::Scenario;
 
@@ -21,6 +22,25 @@ const PNG_SCALE: f64 = 1.5;
 
 pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
     let began = Instant::now();
+    let (scenario, task, translate) = read(args, console)?;
+    let options = options(args);
+    let search = |stop: &Stop, observe: &mut dyn FnMut(Progress)| {
+        mission::plan_task(&scenario, task, &options, stop, observe)
+    };
+    let mut planned = watched(&scenario, &options, console, search)?;
+    finish(&mut planned, began, translate, console);
+    write_files(args, &scenario, &planned, &[], console)?;
+    let text = if console.json() {
+        format!("{}\n", to_json(args, &scenario, &planned))
+    } else {
+        describe(&scenario, &planned)
+    };
+    Ok(console.result(&text)?)
+}
+
+/// Reads the mission: the scenario, its automaton, and the seconds that the translation took.
+/// Refuses outputs that could not be written, before any work is done.
+pub(super) fn read(args: &PlanArgs, console: &Console) -> Result<(Scenario, Task, f64), Failure> {
     let outputs = [&args.out, &args.svg, &args.png, &args.heatmap];
     files::check_folders(outputs.into_iter().flatten().map(|p| p.as_path()))?;
     if let Some(heatmap) = &args.heatmap {
@@ -39,10 +59,11 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
         }
         None => mission::task(&scenario)?,
     };
-    let translate = translated.elapsed().as_secs_f64();
+    Ok((scenario, task, translated.elapsed().as_secs_f64()))
+}
 
-    let options = options(args);
-    let mut planned = search(&scenario, task, &options, console)?;
+/// Completes the statistics, and says what a user should know.
+pub(super) fn finish(planned: &mut Planned, began: Instant, translate: f64, console: &Console) {
     if let Some(stats) = &mut planned.file.stats {
         stats.seconds.translate = translate;
         stats.seconds.total = began.elapsed().as_secs_f64();
@@ -50,16 +71,9 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
     for notice in &planned.notices {
         console.warn(notice);
     }
-    write_files(args, &scenario, &planned, console)?;
-    let text = if console.json() {
-        to_json(args, &scenario, &planned)
-    } else {
-        describe(&scenario, &planned)
-    };
-    Ok(console.result(&text)?)
 }
 
-fn options(args: &PlanArgs) -> Options {
+pub(super) fn options(args: &PlanArgs) -> Options {
     let search = &args.search;
     Options {
         sampler: match args.sampler {
@@ -88,17 +102,17 @@ fn options(args: &PlanArgs) -> Options {
     }
 }
 
-/// Plans with a progress bar; Ctrl-C ends the search with the best plan so far.
-fn search(
+/// Searches with a progress bar; Ctrl-C ends the search with the best plan so far.
+pub(super) fn watched<T>(
     scenario: &Scenario,
-    task: Task,
     options: &Options,
     console: &Console,
-) -> Result<Planned, Failure> {
+    search: impl FnOnce(&Stop, &mut dyn FnMut(Progress)) -> Result<T, MissionError>,
+) -> Result<T, Failure> {
     let stop = super::interrupt::stop_on_interrupt();
     let bar = console.progress(options.settings.iterations, "planning");
     let alphabet = scenario.workspace.alphabet();
-    let planned = mission::plan_task(scenario, task, options, &stop, &mut |p: Progress| {
+    let planned = search(&stop, &mut |p: Progress| {
         bar.set_position(p.iterations);
         match p.cost {
             Some(cost) => bar.set_message(format!("best cost {cost:.4}")),
@@ -156,10 +170,12 @@ fn not_found(scenario: &Scenario, found: &NotFound, missing: &[String]) -> Failu
     }))
 }
 
-fn write_files(
+/// Writes plan, heatmap and pictures where asked; `reused` are the legs that came from a library.
+pub(super) fn write_files(
     args: &PlanArgs,
     scenario: &Scenario,
     planned: &Planned,
+    reused: &[(Point2<f64>, Point2<f64>)],
     console: &Console,
 ) -> Result<(), Failure> {
     if let Some(path) = &args.out {
@@ -181,7 +197,8 @@ fn write_files(
     if args.svg.is_none() && args.png.is_none() {
         return Ok(());
     }
-    let picture = picture(args, scenario, planned);
+    let legs = reused.iter().copied();
+    let picture = picture(args, scenario, planned).bands("reused skill", legs);
     if let Some(path) = &args.svg {
         files::write(path, picture.to_svg().as_bytes(), console)?;
     }
@@ -211,13 +228,14 @@ fn picture<'a>(args: &PlanArgs, scenario: &'a Scenario, planned: &'a Planned) ->
     picture
 }
 
-fn to_json(args: &PlanArgs, scenario: &Scenario, planned: &Planned) -> String {
+/// The summary for programs.
+pub(super) fn to_json(args: &PlanArgs, scenario: &Scenario, planned: &Planned) -> Value {
     let files: Vec<&Path> = [&args.out, &args.svg, &args.png, &args.heatmap]
         .into_iter()
         .flatten()
         .map(|p| p.as_path())
         .collect();
-    let object = json!({
+    json!({
         "version": JSON_VERSION,
         "outcome": "planned",
         "word": planned.verified.word.show(scenario.workspace.alphabet()),
@@ -225,12 +243,11 @@ fn to_json(args: &PlanArgs, scenario: &Scenario, planned: &Planned) -> String {
         "notices": planned.notices,
         "files": files,
         "plan": planned.file,
-    });
-    format!("{object}\n")
+    })
 }
 
 /// The summary for people.
-fn describe(scenario: &Scenario, planned: &Planned) -> String {
+pub(super) fn describe(scenario: &Scenario, planned: &Planned) -> String {
     let file = &planned.file;
     let mut text = String::new();
     let sampler = file.sampler.as_deref().unwrap_or("unknown");

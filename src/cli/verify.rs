@@ -6,16 +6,16 @@ use super::args::VerifyArgs;
 use super::console::{Console, rest};
 use super::failure::{Failure, JSON_VERSION};
 use super::files;
+use crate::mission;
 use crate::plan::PlanFile;
-use crate::verify;
 
 pub(super) fn run(args: &VerifyArgs, console: &Console) -> Result<(), Failure> {
-    let mut mission = args.mission.clone();
-    if args.automaton.is_some() && mission.task.is_none() {
+    let mut wanted = args.mission.clone();
+    if args.automaton.is_some() && wanted.task.is_none() {
         // The automaton takes the formula's place; the scenario need not have one.
-        mission.task = Some("true".to_owned());
+        wanted.task = Some("true".to_owned());
     }
-    let scenario = files::scenario(&mission, console)?;
+    let scenario = files::scenario(&wanted, console)?;
     let plan = PlanFile::read(&args.plan)?;
     if let Some(hash) = &plan.scenario_hash
         && *hash != scenario.hash
@@ -27,25 +27,17 @@ pub(super) fn run(args: &VerifyArgs, console: &Console) -> Result<(), Failure> {
         ));
     }
     let path = plan.path();
-    let (map, start) = (&scenario.workspace, scenario.start);
+    let map = &scenario.workspace;
     let weight = match (args.mission.weight, plan.weight) {
         (None, Some(weight)) => weight,
         _ => scenario.weight,
     };
-    let verdict = match &args.automaton {
-        Some(file) => {
-            let automaton = files::automaton(file, &scenario)?;
-            verify::verify_automaton(map, start, &automaton, &path, weight, plan.cost.as_ref())
-        }
-        None => verify::verify(
-            map,
-            start,
-            &scenario.formula,
-            &path,
-            weight,
-            plan.cost.as_ref(),
-        ),
+    let automaton = match &args.automaton {
+        Some(file) => Some(files::automaton(file, &scenario)?),
+        None => None,
     };
+    let stated = plan.cost.as_ref();
+    let verdict = mission::verify(&scenario, automaton.as_ref(), &path, weight, stated);
     let verified = verdict.map_err(|refusal| {
         let message = format!("{}: refused: {refusal}", args.plan.display());
         Failure::negative("refused", message).with_details(json!({

@@ -16,6 +16,7 @@
 //! ```
 
 mod guide;
+mod transfer;
 
 /// The Rust of the README, as a test.
 #[cfg(doctest)]
@@ -28,16 +29,19 @@ use std::time::Instant;
 
 use nalgebra::Point2;
 
-use crate::automaton::{Limits, Task, TaskError};
+use crate::automaton::{Limits, Nba, Task, TaskError};
 use crate::guidance::Guidance;
 use crate::nn::{DeviceChoice, LoadError, PredictError};
 use crate::plan::{Cost, First, Path, PlanFile, PlanStats, StageSeconds};
-use crate::planner::{self, PlanError, Problem, Progress, Sampler, Settings, Stats, Stop};
+use crate::planner::{
+    self, GuidanceError, PlanError, Problem, Progress, Sampler, Settings, Stats, Stop,
+};
 use crate::scenario::Scenario;
-use crate::system::{Continuous, StartError};
+use crate::system::{Continuous, Grid, GridError, Spot, StartError, TransitionSystem};
 use crate::verify::{self, Refusal, Verified};
 
 pub use guide::{Prediction, predict, predict_with};
+pub use transfer::{Change, build_library, replan_task, transfer_task};
 
 /// Which strategy plans a mission.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -100,6 +104,12 @@ pub enum MissionError {
     /// The robot cannot be where it should start.
     #[error(transparent)]
     Start(#[from] StartError),
+    /// The grid does not fit.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// A heatmap that cannot guide.
+    #[error(transparent)]
+    Guidance(#[from] GuidanceError),
     /// The networks cannot be loaded.
     #[error(transparent)]
     Load(#[from] LoadError),
@@ -136,9 +146,9 @@ pub fn plan(scenario: &Scenario, options: &Options) -> Result<Planned, MissionEr
 /// The scenario's mission as an automaton over the letters of its map.
 ///
 /// # Errors
-/// A formula with `X`, or one that is too large to translate.
+/// A formula with `X` off a grid, or one that is too large to translate.
 pub fn task(scenario: &Scenario) -> Result<Task, MissionError> {
-    if scenario.formula.has_next() {
+    if scenario.formula.has_next() && scenario.grid.is_none() {
         return Err(MissionError::Next);
     }
     let letters = Arc::clone(scenario.workspace.alphabet());
@@ -163,15 +173,9 @@ pub fn plan_task(
     if options.sampler == SamplerChoice::Exact {
         return exact(scenario, &task);
     }
-    let system = Continuous::new(Arc::clone(&scenario.workspace), scenario.start)?;
-    check_reachable(&task, &system)?;
+    let problem = problem(scenario, Arc::clone(&task))?;
+    check_reachable(&task, &*problem.system)?;
     let chosen = guide::choose(scenario, &task, options)?;
-    let problem = Problem {
-        start: system.start(),
-        system: Arc::new(system),
-        task: Arc::clone(&task),
-        weight: scenario.weight,
-    };
     let searched = Instant::now();
     let solution = planner::plan(&problem, &chosen.sampler, &options.settings, stop, observe)?;
     let search = searched.elapsed().as_secs_f64();
@@ -204,9 +208,43 @@ pub fn plan_task(
     })
 }
 
+/// The world that the scenario's robot moves in, and where it starts there.
+///
+/// # Errors
+/// A start where the robot cannot be.
+pub fn world(scenario: &Scenario) -> Result<(Arc<dyn TransitionSystem>, Spot), MissionError> {
+    let map = Arc::clone(&scenario.workspace);
+    Ok(match scenario.grid {
+        None => {
+            let system = Continuous::new(map, scenario.start)?;
+            let start = system.start();
+            (Arc::new(system), start)
+        }
+        Some(grid) => {
+            let system = Grid::new(map, grid.cells, grid.cell, scenario.start)?;
+            let start = system.start();
+            (Arc::new(system), start)
+        }
+    })
+}
+
+/// The scenario's mission, ready for search.
+///
+/// # Errors
+/// As [`world`].
+pub fn problem(scenario: &Scenario, task: Arc<Task>) -> Result<Problem, MissionError> {
+    let (system, start) = world(scenario)?;
+    Ok(Problem {
+        system,
+        task,
+        start,
+        weight: scenario.weight,
+    })
+}
+
 /// Ends at once where no search could succeed: with the letters of places that the robot cannot
 /// reach taken away, nothing is accepted.
-fn check_reachable(task: &Task, system: &Continuous) -> Result<(), PlanError> {
+fn check_reachable(task: &Task, system: &dyn TransitionSystem) -> Result<(), PlanError> {
     let mut left = task.nba.clone();
     for row in &mut left.transitions {
         for transition in row.iter_mut() {
@@ -232,10 +270,23 @@ fn check_reachable(task: &Task, system: &Continuous) -> Result<(), PlanError> {
 /// Plans without sampling.
 fn exact(scenario: &Scenario, task: &Task) -> Result<Planned, MissionError> {
     let began = Instant::now();
-    let plan = crate::exact::plan(&scenario.workspace, scenario.start, task, scenario.weight)?;
+    let (path, cost) = match scenario.grid {
+        None => {
+            let map = &scenario.workspace;
+            let plan = crate::exact::plan(map, scenario.start, task, scenario.weight)?;
+            (plan.path, plan.cost)
+        }
+        Some(_) => {
+            let problem = problem(scenario, Arc::new(task.clone()))?;
+            crate::transfer::optimum(&problem).ok_or_else(|| {
+                let why = "the product of grid and automaton was searched exhaustively";
+                PlanError::Unreachable(why.to_owned())
+            })?
+        }
+    };
     let search = began.elapsed().as_secs_f64();
-    let verified = check(scenario, task, &plan.path, &plan.cost)?;
-    let mut file = file(scenario, task, &plan.path, plan.cost);
+    let verified = check(scenario, task, &path, &cost)?;
+    let mut file = file(scenario, task, &path, cost);
     file.sampler = Some("exact".to_owned());
     let seconds = StageSeconds {
         search,
@@ -247,7 +298,7 @@ fn exact(scenario: &Scenario, task: &Task) -> Result<Planned, MissionError> {
         ..PlanStats::default()
     });
     Ok(Planned {
-        path: plan.path,
+        path,
         verified,
         file,
         guidance: None,
@@ -256,12 +307,38 @@ fn exact(scenario: &Scenario, task: &Task) -> Result<Planned, MissionError> {
     })
 }
 
-/// The checker, by the formula where there is one.
+/// The checker, by the formula where there is one, and by the rules of the world that the robot
+/// moves in.
 fn check(scenario: &Scenario, task: &Task, path: &Path, cost: &Cost) -> Result<Verified, Refusal> {
-    let (map, start, weight) = (&scenario.workspace, scenario.start, scenario.weight);
-    match &task.formula {
-        Some(formula) => verify::verify(map, start, formula, path, weight, Some(cost)),
-        None => verify::verify_automaton(map, start, &task.nba, path, weight, Some(cost)),
+    let automaton = match task.formula {
+        Some(_) => None,
+        None => Some(&task.nba),
+    };
+    verify(scenario, automaton, path, scenario.weight, Some(cost))
+}
+
+/// Checks a plan of a scenario, against an automaton instead of the scenario's formula if one is
+/// given, by the rules of the continuous workspace or of the scenario's grid.
+///
+/// # Errors
+/// The first thing that is wrong.
+pub fn verify(
+    scenario: &Scenario,
+    automaton: Option<&Nba>,
+    path: &Path,
+    weight: f64,
+    stated: Option<&Cost>,
+) -> Result<Verified, Refusal> {
+    let (map, start, formula) = (&scenario.workspace, scenario.start, &scenario.formula);
+    match (scenario.grid, automaton) {
+        (None, None) => verify::verify(map, start, formula, path, weight, stated),
+        (None, Some(nba)) => verify::verify_automaton(map, start, nba, path, weight, stated),
+        (Some(grid), None) => {
+            verify::verify_on_grid(map, grid, start, formula, path, weight, stated)
+        }
+        (Some(grid), Some(nba)) => {
+            verify::verify_automaton_on_grid(map, grid, start, nba, path, weight, stated)
+        }
     }
 }
 

@@ -17,13 +17,15 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::alphabet::{Letter, LetterSet};
-use crate::automaton::Task;
+use crate::automaton::{Distances, StateId, Task};
 use crate::plan::{Cost, Path};
 use crate::system::{Spot, TransitionSystem};
 
+pub(crate) use sampler::{Aim, Draw, View};
 pub use sampler::{GuidanceError, Guide, HeatmapSums, Sampler};
 pub use search::plan;
 pub use settings::{Settings, SettingsError, Stop};
+pub(crate) use suffix::SuffixTree;
 pub use tree::{NodeId, SiteId, Tree};
 
 /// A mission ready for search.
@@ -125,6 +127,40 @@ pub struct NotFound {
     pub reason: EndReason,
     /// The edges of all trees, for pictures.
     pub edges: Vec<[nalgebra::Point2<f64>; 2]>,
+}
+
+impl NotFound {
+    /// How far the automaton got in a prefix tree, and which letters would have helped.
+    pub(crate) fn after(
+        task: &Task,
+        prefix: &Tree<'_>,
+        stats: Stats,
+        reason: EndReason,
+        edges: Vec<[nalgebra::Point2<f64>; 2]>,
+    ) -> Self {
+        let to_go = |q| {
+            let steps = task.feasible.iter().map(|&f| task.distances.to_go(q, f));
+            steps.min().unwrap_or(Distances::INFINITE)
+        };
+        let reached = |q: &StateId| !prefix.in_state(*q).is_empty();
+        let steps_left = task.nba.states().filter(reached).map(to_go).min();
+        let steps_left = steps_left.unwrap_or(Distances::INFINITE);
+        let mut missing = task.nba.alphabet.none();
+        for q in task.nba.states().filter(reached) {
+            for t in task.nba.outgoing(q) {
+                if to_go(q) == steps_left && to_go(t.target) < steps_left {
+                    missing.union_with(&t.guard);
+                }
+            }
+        }
+        Self {
+            stats,
+            steps_left,
+            missing,
+            reason,
+            edges,
+        }
+    }
 }
 
 /// Why a search ended.

@@ -68,7 +68,7 @@ impl Sampler {
     }
 
     /// Proposes a point; `None` is a failed sample, which counts as an iteration.
-    pub(super) fn draw(&self, view: &View<'_>, random: &mut Random) -> Option<Draw> {
+    pub(crate) fn draw(&self, view: &View<'_>, random: &mut Random) -> Option<Draw> {
         match self {
             Self::Uniform => Some(uniform(view, random)),
             Self::Biased => biased::draw(view, random),
@@ -79,23 +79,23 @@ impl Sampler {
 
 /// A proposed point, and the node that it was proposed from.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Draw {
-    pub(super) at: Point2<f64>,
-    pub(super) closest: Option<NodeId>,
+pub(crate) struct Draw {
+    pub(crate) at: Point2<f64>,
+    pub(crate) closest: Option<NodeId>,
 }
 
 /// What a sampler may know of the search.
-pub(super) struct View<'a> {
-    pub(super) system: &'a dyn TransitionSystem,
-    pub(super) task: &'a Task,
-    pub(super) settings: &'a Settings,
-    pub(super) tree: &'a Tree<'a>,
-    pub(super) aim: Aim,
+pub(crate) struct View<'a> {
+    pub(crate) system: &'a dyn TransitionSystem,
+    pub(crate) task: &'a Task,
+    pub(crate) settings: &'a Settings,
+    pub(crate) tree: &'a Tree<'a>,
+    pub(crate) aim: Aim,
 }
 
 /// What the tree is grown for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Aim {
+pub(crate) enum Aim {
     /// Reach accepting states; once some are known, improve the ways there.
     Prefix {
         /// Whether any goal is known.
@@ -107,6 +107,13 @@ pub(super) enum Aim {
         state: StateId,
         /// Whether any way back is known.
         closed: bool,
+    },
+    /// Reach a place in this state: a segment of a plan that is repaired.
+    Reach {
+        /// The place.
+        at: Point2<f64>,
+        /// The automaton state there.
+        state: StateId,
     },
 }
 

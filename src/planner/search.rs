@@ -11,7 +11,6 @@ use super::{
     EndReason, First, Improvement, NotFound, PlanError, Problem, Progress, Solution, Stats,
     staying_accepts,
 };
-use crate::automaton::Distances;
 use crate::plan::{Cost, Path, Waypoint};
 use crate::random::{Random, generator};
 
@@ -348,7 +347,9 @@ impl<'a> Search<'a> {
         let edges = self.trees().flat_map(Tree::edges).map(|(a, b)| [a, b]);
         let edges = edges.collect();
         let Some(best) = self.best.take() else {
-            return Err(PlanError::NotFound(Box::new(self.not_found(reason, edges))));
+            let task = &self.problem.task;
+            let found = NotFound::after(task, &self.prefix, self.stats, reason, edges);
+            return Err(PlanError::NotFound(Box::new(found)));
         };
         let prefix = self.prefix.path(best.goal);
         let cost = Cost::new(
@@ -365,33 +366,6 @@ impl<'a> Search<'a> {
             stats: self.stats,
             edges,
         })
-    }
-
-    /// How far the automaton got, and which letters would have helped.
-    fn not_found(self, reason: EndReason, edges: Vec<[nalgebra::Point2<f64>; 2]>) -> NotFound {
-        let task = &self.problem.task;
-        let to_go = |q| {
-            let steps = task.feasible.iter().map(|&f| task.distances.to_go(q, f));
-            steps.min().unwrap_or(Distances::INFINITE)
-        };
-        let reached = |q: &crate::automaton::StateId| !self.prefix.in_state(*q).is_empty();
-        let steps_left = task.nba.states().filter(reached).map(to_go).min();
-        let steps_left = steps_left.unwrap_or(Distances::INFINITE);
-        let mut missing = task.nba.alphabet.none();
-        for q in task.nba.states().filter(reached) {
-            for t in task.nba.outgoing(q) {
-                if to_go(q) == steps_left && to_go(t.target) < steps_left {
-                    missing.union_with(&t.guard);
-                }
-            }
-        }
-        NotFound {
-            stats: self.stats,
-            steps_left,
-            missing,
-            reason,
-            edges,
-        }
     }
 }
 
@@ -426,9 +400,7 @@ fn grow(
     let Some(spot) = problem.system.settle(at) else {
         return false;
     };
-    let n = tree.site_count() as f64;
-    let shrinking = settings.radius * (libm::log(n + 1.0) / n).sqrt();
-    let radius = shrinking.min(settings.max_radius) * side;
+    let radius = settings.near_radius(tree.site_count(), side);
     tree.extend(spot, radius, &[anchor]).is_some()
 }
 

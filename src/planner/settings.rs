@@ -141,9 +141,17 @@ impl Settings {
         )
     }
 
+    /// The near radius of RRT* for a tree of so many places on a map of this side.
+    #[must_use]
+    pub(crate) fn near_radius(&self, sites: usize, side: f64) -> f64 {
+        let n = sites as f64;
+        let shrinking = self.radius * (libm::log(n + 1.0) / n).sqrt();
+        shrinking.min(self.max_radius) * side
+    }
+
     /// The time limit as a duration.
     #[must_use]
-    pub(super) fn time_budget(&self) -> Option<Duration> {
+    pub(crate) fn time_budget(&self) -> Option<Duration> {
         self.time_limit
             .map(|s| Duration::try_from_secs_f64(s).unwrap_or(Duration::MAX))
     }

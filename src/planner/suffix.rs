@@ -7,21 +7,21 @@ use crate::system::{Spot, TransitionSystem};
 
 /// A tree grown from one goal of the prefix tree, and the cheapest way back found so far.
 #[derive(Debug)]
-pub(super) struct SuffixTree<'a> {
+pub(crate) struct SuffixTree<'a> {
     /// The goal, as a node of the prefix tree.
-    pub(super) goal: NodeId,
+    pub(crate) goal: NodeId,
     /// The goal's automaton state.
-    pub(super) state: StateId,
-    pub(super) tree: Tree<'a>,
+    pub(crate) state: StateId,
+    pub(crate) tree: Tree<'a>,
     /// Iterations spent on it.
-    pub(super) iterations: u64,
+    pub(crate) iterations: u64,
     /// The length of the cheapest way back, and the node from which it closes.
     best: Option<(f64, NodeId)>,
     touched: Vec<NodeId>,
 }
 
 impl<'a> SuffixTree<'a> {
-    pub(super) fn new(
+    pub(crate) fn new(
         system: &'a dyn TransitionSystem,
         nba: &'a Nba,
         goal: NodeId,
@@ -39,13 +39,13 @@ impl<'a> SuffixTree<'a> {
     }
 
     /// The length of the cheapest way back.
-    pub(super) fn length(&self) -> Option<f64> {
+    pub(crate) fn length(&self) -> Option<f64> {
         self.best.map(|(length, _)| length)
     }
 
     /// Whether anything changed that closes the cycle more cheaply. The closing leg obeys the
     /// segment rule like every other and reads the letter of the place that it leaves.
-    pub(super) fn close(&mut self, system: &dyn TransitionSystem, nba: &Nba) -> bool {
+    pub(crate) fn close(&mut self, system: &dyn TransitionSystem, nba: &Nba) -> bool {
         let root = self.tree.root();
         let mut touched = std::mem::take(&mut self.touched);
         self.tree.take_touched(&mut touched);
@@ -68,7 +68,7 @@ impl<'a> SuffixTree<'a> {
     }
 
     /// The cheapest way back, from the goal to the goal.
-    pub(super) fn path(&self) -> Option<Vec<Waypoint>> {
+    pub(crate) fn path(&self) -> Option<Vec<Waypoint>> {
         let (_, node) = self.best?;
         let mut path = self.tree.path(node);
         path.push(Waypoint {

@@ -47,7 +47,7 @@ struct Node {
 #[derive(Clone, Debug)]
 struct Site {
     spot: Spot,
-    /// The nodes at this place, by automaton state.
+    /// The nodes at this place, by ascending automaton state.
     nodes: SmallVec<[(StateId, NodeId); 4]>,
 }
 
@@ -75,6 +75,10 @@ pub struct Tree<'a> {
     /// Nodes that were added or became cheaper since this was last taken.
     touched: Vec<NodeId>,
     neighbours: Vec<Neighbour>,
+    /// Places one move away, in systems of finitely many places.
+    moves: Vec<Spot>,
+    /// For each automaton state, the cheapest way into it so far (see `reachable_states`).
+    ways: Vec<(f64, NodeId)>,
     stack: Vec<(NodeId, f64)>,
 }
 
@@ -105,13 +109,15 @@ impl<'a> Tree<'a> {
             by_state: vec![Vec::new(); nba.len()],
             touched: Vec::new(),
             neighbours: Vec::new(),
+            moves: Vec::new(),
+            ways: Vec::new(),
             stack: Vec::new(),
         };
         let site = tree.add_site(root);
         for &state in states {
             tree.add_node(site, state, 0.0, NONE);
         }
-        tree.settle_states(site, 0);
+        tree.settle_states(site);
         tree
     }
 
@@ -215,6 +221,62 @@ impl<'a> Tree<'a> {
         self.nodes[node.index()].site
     }
 
+    /// The nodes at a site, by ascending automaton state.
+    pub(crate) fn at_site(&self, site: SiteId) -> &[(StateId, NodeId)] {
+        &self.sites[site.0 as usize].nodes
+    }
+
+    /// The node that a node's path comes from.
+    pub(crate) fn parent(&self, node: NodeId) -> Option<NodeId> {
+        let parent = self.nodes[node.index()].parent;
+        (parent != NONE).then_some(NodeId(parent))
+    }
+
+    /// The site of a place; a new one, without nodes yet, if the tree does not hold it.
+    pub(crate) fn site_for(&mut self, spot: Spot) -> SiteId {
+        match self.index.at(spot.at) {
+            Some(site) => site,
+            None => self.add_site(spot),
+        }
+    }
+
+    /// The site of a place, if the tree holds it.
+    pub(crate) fn site_at(&self, at: Point2<f64>) -> Option<SiteId> {
+        self.index.at(at)
+    }
+
+    /// Reaches `(site, state)` from `parent` by one move of the given length, which the caller knows
+    /// to be possible. Returns the node, and whether it is new or got cheaper.
+    pub(crate) fn hop(
+        &mut self,
+        parent: NodeId,
+        site: SiteId,
+        state: StateId,
+        length: f64,
+    ) -> (NodeId, bool) {
+        let cost = self.cost(parent) + length;
+        match self.node_at(site, state) {
+            None => (self.add_node(site, state, cost, parent.0), true),
+            Some(old) if improves(cost, self.cost(old)) => {
+                self.reparent(old, parent, cost);
+                (old, true)
+            }
+            Some(old) => (old, false),
+        }
+    }
+
+    /// Makes `(spot, state)` a root too: a place where the path may begin.
+    pub(crate) fn add_root(&mut self, spot: Spot, state: StateId) {
+        let site = self.site_for(spot);
+        match self.node_at(site, state) {
+            None => {
+                self.add_node(site, state, 0.0, NONE);
+            }
+            Some(old) if self.cost(old) > 0.0 => self.reparent(old, NodeId(NONE), 0.0),
+            Some(_) => {}
+        }
+    }
+
     /// Extend and Rewire (`nngtl.md`, III-A, steps 3 to 6): connects `spot` in every automaton
     /// state that it can be reached in, each at least cost from the sites within `radius` and
     /// from `also`; then reroutes those sites through it where that is cheaper. A place that is in the tree already is not
@@ -223,7 +285,13 @@ impl<'a> Tree<'a> {
     /// Returns the site if anything was connected to it.
     pub(crate) fn extend(&mut self, spot: Spot, radius: f64, also: &[SiteId]) -> Option<SiteId> {
         let mut neighbours = std::mem::take(&mut self.neighbours);
-        self.find_neighbours(spot, radius, also, &mut neighbours);
+        let mut moves = std::mem::take(&mut self.moves);
+        if self.system.neighbours(&spot, &mut moves) {
+            self.take_neighbours(spot, &moves, &mut neighbours);
+        } else {
+            self.find_neighbours(spot, radius, also, &mut neighbours);
+        }
+        self.moves = moves;
         let reached = self.reachable_states(&spot, &mut neighbours);
         let site = (!reached.is_empty()).then(|| {
             let site = self
@@ -233,12 +301,37 @@ impl<'a> Tree<'a> {
             for (state, cost, parent) in reached {
                 self.connect(site, state, cost, parent.0);
             }
-            self.settle_states(site, 0);
+            self.settle_states(site);
             self.rewire(site, &mut neighbours);
             site
         });
         self.neighbours = neighbours;
         site
+    }
+
+    /// Step 3 where places are finitely many: all sites one move away, however far.
+    fn take_neighbours(&self, spot: Spot, moves: &[Spot], neighbours: &mut Vec<Neighbour>) {
+        neighbours.clear();
+        for there in moves {
+            let Some(site) = self.index.at(there.at) else {
+                continue;
+            };
+            let distance = self.system.distance(there.at, spot.at);
+            neighbours.push(Neighbour {
+                site,
+                distance,
+                bound: self.least_cost(site) + distance,
+                visible: Some(true),
+            });
+        }
+        neighbours.sort_by(|a, b| a.bound.total_cmp(&b.bound).then(a.site.cmp(&b.site)));
+    }
+
+    /// The cost of the cheapest node at a site.
+    fn least_cost(&self, site: SiteId) -> f64 {
+        let nodes = &self.sites[site.0 as usize].nodes;
+        let costs = nodes.iter().map(|&(_, n)| self.cost(n));
+        costs.fold(f64::INFINITY, f64::min)
     }
 
     /// Step 3: the sites within `radius`, and `also`, the cheapest way in first.
@@ -251,17 +344,11 @@ impl<'a> Tree<'a> {
     ) {
         neighbours.clear();
         let mut add = |site: SiteId| {
-            let there = &self.sites[site.0 as usize];
-            let distance = self.system.distance(there.spot.at, spot.at);
-            let least = there
-                .nodes
-                .iter()
-                .map(|&(_, n)| self.cost(n))
-                .fold(f64::INFINITY, f64::min);
+            let distance = self.system.distance(self.site_spot(site).at, spot.at);
             neighbours.push(Neighbour {
                 site,
                 distance,
-                bound: least + distance,
+                bound: self.least_cost(site) + distance,
                 visible: None,
             });
         };
@@ -280,30 +367,31 @@ impl<'a> Tree<'a> {
     /// cost and the node that gives it. Moves are checked only where they would be the cheapest so
     /// far: neighbours come in the order of their bounds.
     fn reachable_states(
-        &self,
+        &mut self,
         spot: &Spot,
         neighbours: &mut [Neighbour],
     ) -> SmallVec<[(StateId, f64, NodeId); 8]> {
-        let mut best: SmallVec<[(StateId, f64, NodeId); 8]> = SmallVec::new();
+        let mut ways = std::mem::take(&mut self.ways);
+        ways.clear();
+        ways.resize(self.nba.len(), (f64::INFINITY, NodeId(NONE)));
         for neighbour in neighbours {
             let site = &self.sites[neighbour.site.0 as usize];
             for &(state, node) in &site.nodes {
                 let cost = self.cost(node) + neighbour.distance;
                 for target in self.nba.successors(state, site.spot.letter) {
-                    let known = best.iter_mut().find(|(q, ..)| *q == target);
-                    if known.as_ref().is_some_and(|(_, c, _)| *c <= cost) {
-                        continue;
-                    }
-                    if !self.is_visible(neighbour, spot) {
-                        continue;
-                    }
-                    match known {
-                        Some(entry) => (entry.1, entry.2) = (cost, node),
-                        None => best.push((target, cost, node)),
+                    if ways[target.index()].0 > cost && self.is_visible(neighbour, spot) {
+                        ways[target.index()] = (cost, node);
                     }
                 }
             }
         }
+        let mut best: SmallVec<[(StateId, f64, NodeId); 8]> = self
+            .nba
+            .states()
+            .map(|q| (q, ways[q.index()].0, ways[q.index()].1))
+            .filter(|(_, cost, _)| cost.is_finite())
+            .collect();
+        self.ways = ways;
         best.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
         best
     }
@@ -328,7 +416,7 @@ impl<'a> Tree<'a> {
                 }
             }
             if improved {
-                self.settle_states(neighbour.site, 0);
+                self.settle_states(neighbour.site);
             }
         }
     }
@@ -339,11 +427,12 @@ impl<'a> Tree<'a> {
             .get_or_insert_with(|| self.system.step(&self.site_spot(neighbour.site), spot))
     }
 
-    /// Staying at `site`: from each of its nodes (from number `first` on) the automaton may read
-    /// the letter there without the robot moving. Runs until nothing gets cheaper.
-    fn settle_states(&mut self, site: SiteId, first: usize) {
+    /// Staying at `site`: from each of its nodes the automaton may read the letter there without the
+    /// robot moving. Runs until nothing gets cheaper.
+    pub(crate) fn settle_states(&mut self, site: SiteId) {
         let letter = self.site_spot(site).letter;
-        let mut open: SmallVec<[NodeId; 8]> = self.sites[site.0 as usize].nodes[first..]
+        let mut open: SmallVec<[NodeId; 8]> = self.sites[site.0 as usize]
+            .nodes
             .iter()
             .map(|&(_, n)| n)
             .collect();
@@ -372,7 +461,8 @@ impl<'a> Tree<'a> {
 
     fn node_at(&self, site: SiteId, state: StateId) -> Option<NodeId> {
         let nodes = &self.sites[site.0 as usize].nodes;
-        nodes.iter().find(|(q, _)| *q == state).map(|&(_, n)| n)
+        let i = nodes.binary_search_by_key(&state, |&(q, _)| q).ok()?;
+        Some(nodes[i].1)
     }
 
     fn add_site(&mut self, spot: Spot) -> SiteId {
@@ -396,7 +486,9 @@ impl<'a> Tree<'a> {
             next_sibling: NONE,
             previous_sibling: NONE,
         });
-        self.sites[site.0 as usize].nodes.push((state, id));
+        let here = &mut self.sites[site.0 as usize].nodes;
+        let i = here.partition_point(|&(q, _)| q < state);
+        here.insert(i, (state, id));
         self.by_state[state.index()].push(id);
         self.touched.push(id);
         if parent != NONE {
@@ -408,7 +500,11 @@ impl<'a> Tree<'a> {
     /// Gives `node` a new parent and passes the saving on to everything below it.
     fn reparent(&mut self, node: NodeId, parent: NodeId, cost: f64) {
         self.unlink(node);
-        self.link(node, parent.0);
+        if parent.0 == NONE {
+            self.nodes[node.index()].parent = NONE;
+        } else {
+            self.link(node, parent.0);
+        }
         let mut stack = std::mem::take(&mut self.stack);
         stack.push((node, cost));
         while let Some((node, cost)) = stack.pop() {

@@ -7,6 +7,8 @@ pub(super) type Rgb = [u8; 3];
 pub(super) const PREFIX: Rgb = [0x00, 0x5f, 0xa3];
 /// The suffix: vermilion of the same palette.
 pub(super) const SUFFIX: Rgb = [0xc8, 0x4c, 0x00];
+/// Bands under lines: bluish green of the same palette.
+pub(super) const BAND: Rgb = [0x00, 0x9e, 0x73];
 /// Text and the start.
 pub(super) const INK: Rgb = [0x22, 0x26, 0x2b];
 /// Axes and other things of second rank.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::colour::{self, FAINT, INK, PREFIX, SUFFIX, hex};
+use super::colour::{self, BAND, FAINT, INK, PREFIX, SUFFIX, hex};
 use super::labels::Px;
 use super::text::{text_width, write_text};
 
@@ -23,6 +23,8 @@ pub(super) enum Sign {
     Obstacle,
     /// The search tree and its number of edges.
     Tree(usize),
+    /// A band under lines, and what it means.
+    Band(&'static str),
     /// The heatmap and its largest value.
     Heatmap(f32),
 }
@@ -72,6 +74,7 @@ impl Sign {
             Self::Region => "region".to_owned(),
             Self::Obstacle => "obstacle".to_owned(),
             Self::Tree(edges) => format!("tree, {edges} edges"),
+            Self::Band(meaning) => meaning.to_owned(),
             Self::Heatmap(peak) => format!("heatmap, 0 to {}", short(f64::from(peak))),
         }
     }
@@ -79,7 +82,7 @@ impl Sign {
     fn width(self) -> f64 {
         match self {
             Self::Start | Self::Stays => 20.0,
-            Self::Prefix(_) | Self::Suffix(_) => 40.0,
+            Self::Prefix(_) | Self::Suffix(_) | Self::Band(_) => 40.0,
             Self::Region | Self::Obstacle | Self::Tree(_) => 24.0,
             Self::Heatmap(_) => 90.0,
         }
@@ -101,6 +104,13 @@ impl Sign {
                 40.0,
                 &hex(SUFFIX),
                 "stroke-width=\"3\" stroke-dasharray=\"10 5\"",
+            ),
+            Self::Band(_) => line(
+                out,
+                [x, y],
+                40.0,
+                &hex(BAND),
+                "stroke-width=\"12\" stroke-opacity=\"0.35\"",
             ),
             Self::Tree(_) => line(out, [x, y], 24.0, &hex(FAINT), "stroke-width=\"1\""),
             Self::Stays => writeln!(

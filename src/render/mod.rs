@@ -36,6 +36,8 @@ pub struct Picture<'a> {
     start: Option<Point2<f64>>,
     heatmap: Option<&'a Heatmap>,
     tree: Vec<(Point2<f64>, Point2<f64>)>,
+    bands: Vec<(Point2<f64>, Point2<f64>)>,
+    bands_meaning: &'static str,
     path: Option<&'a Path>,
     title: Option<String>,
     subtitle: Option<String>,
@@ -50,6 +52,8 @@ impl<'a> Picture<'a> {
             start: None,
             heatmap: None,
             tree: Vec::new(),
+            bands: Vec::new(),
+            bands_meaning: "",
             path: None,
             title: None,
             subtitle: None,
@@ -74,6 +78,19 @@ impl<'a> Picture<'a> {
     #[must_use]
     pub fn tree(mut self, edges: impl IntoIterator<Item = (Point2<f64>, Point2<f64>)>) -> Self {
         self.tree.extend(edges);
+        self
+    }
+
+    /// Lays a broad band under these lines, in map units, and explains it with one word or two: the
+    /// skills of a library, or the parts of a plan that were reused.
+    #[must_use]
+    pub fn bands(
+        mut self,
+        meaning: &'static str,
+        lines: impl IntoIterator<Item = (Point2<f64>, Point2<f64>)>,
+    ) -> Self {
+        self.bands.extend(lines);
+        self.bands_meaning = meaning;
         self
     }
 

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use nalgebra::Point2;
 
 use super::Picture;
-use super::colour::{self, FAINT, HATCH, INK, OBSTACLE, PREFIX, Rgb, SUFFIX, hex};
+use super::colour::{self, BAND, FAINT, HATCH, INK, OBSTACLE, PREFIX, Rgb, SUFFIX, hex};
 use super::labels::{Board, Px, Rect};
 use super::legend::{self, Sign};
 use super::raster;
@@ -112,6 +112,7 @@ pub(super) fn draw(picture: &Picture<'_>, layers: Layers) -> Drawing {
     canvas.axes();
     let mut board = canvas.board();
     canvas.tree();
+    canvas.bands();
     canvas.plan(&mut board);
     canvas.start(&mut board);
     canvas.region_names(&mut board);
@@ -148,6 +149,9 @@ fn signs(picture: &Picture<'_>) -> Vec<Sign> {
     }
     if !picture.tree.is_empty() {
         signs.push(Sign::Tree(picture.tree.len()));
+    }
+    if !picture.bands.is_empty() {
+        signs.push(Sign::Band(picture.bands_meaning));
     }
     if let Some(heatmap) = picture.heatmap {
         let peak = heatmap.values.iter().copied().fold(0.0_f32, f32::max);
@@ -329,6 +333,27 @@ impl Canvas<'_, '_> {
             "<path d=\"{data}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width:.2}\" stroke-opacity=\"0.5\"/>",
             hex(FAINT)
         ));
+    }
+
+    fn bands(&mut self) {
+        let tenths = |p: Point2<f64>| self.scale.px(p).map(|x| (x * 10.0).round() as i64);
+        let lines: BTreeSet<[[i64; 2]; 2]> = self
+            .picture
+            .bands
+            .iter()
+            .map(|&(a, b)| [tenths(a).min(tenths(b)), tenths(a).max(tenths(b))])
+            .collect();
+        let mut data = String::new();
+        for [a, b] in &lines {
+            let [ax, ay, bx, by] = [a[0], a[1], b[0], b[1]].map(|x| x as f64 / 10.0);
+            let _ = write!(data, "M{ax} {ay}L{bx} {by}");
+        }
+        if !data.is_empty() {
+            self.add(format_args!(
+                "<path d=\"{data}\" fill=\"none\" stroke=\"{}\" stroke-width=\"12\" stroke-opacity=\"0.35\" stroke-linecap=\"round\"/>",
+                hex(BAND)
+            ));
+        }
     }
 
     fn plan(&mut self, board: &mut Board) {

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use crate::ltl::ParseError;
 
+use crate::system::GridError;
 use crate::workspace::{PolygonError, WorkspaceError};
 
 use super::locate::line_column;
@@ -138,11 +139,9 @@ pub enum ScenarioErrorKind {
     /// The task is not a formula, or names a region that the map does not have.
     #[error("the task: {}", without_place(.0))]
     Formula(#[source] ParseError),
-    /// The scenario asks for planning on a grid.
-    #[error(
-        "planning on a grid does not exist yet: leave `grid` out to plan in the continuous workspace"
-    )]
-    Grid,
+    /// The grid does not fit the map, or the start not the grid.
+    #[error("the grid: {0}")]
+    Grid(#[source] GridError),
 }
 
 impl ScenarioError {

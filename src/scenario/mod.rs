@@ -15,6 +15,9 @@
 //! b = [[0.7, 0.1], [0.9, 0.1], [0.8, 0.3]]
 //! ```
 //!
+//! A `grid = { cells = [20, 20], cell = 0.05 }` in `[workspace]` lets the robot move between centres of
+//! cells only, along rows and columns; missions may then speak of the next waypoint (`X`).
+//!
 //! JSON says the same with the same names; a `.jsonl` file holds one such object a line. Unknown
 //! fields are errors, and every error names file, line and column.
 
@@ -31,6 +34,7 @@ use nalgebra::Point2;
 use sha2::{Digest, Sha256};
 
 use crate::ltl::{self, Formula, ParseOptions};
+use crate::system::{Grid, GridError};
 use crate::workspace::{Bounds, Place as Whereabouts, Polygon, Region, Workspace};
 
 pub use error::{ScenarioError, ScenarioErrorKind};
@@ -47,6 +51,8 @@ pub struct Scenario {
     pub name: String,
     /// The map.
     pub workspace: Arc<Workspace>,
+    /// The grid over the map, if the robot moves between centres of cells.
+    pub grid: Option<GridSpec>,
     /// Where the robot stands at first, in map units; in free space.
     pub start: Point2<f64>,
     /// The mission as it was written.
@@ -145,12 +151,13 @@ impl Scenario {
             ScenarioError::new(kind).at(source.and_then(|s| s.place(path)))
         };
         let map = Step::Key("workspace");
-        if spec.workspace.grid.is_some() {
-            return Err(fail(ScenarioErrorKind::Grid, &[map, Step::Key("grid")]));
-        }
-        let workspace = build_workspace(&spec.workspace, &fail)?;
+        let workspace = Arc::new(build_workspace(&spec.workspace, &fail)?);
         let start = check_start(spec.start, &workspace)
             .map_err(|kind| fail(kind, &[Step::Key("start")]))?;
+        if let Some(grid) = spec.workspace.grid {
+            check_grid(grid, &workspace, start)
+                .map_err(|e| fail(ScenarioErrorKind::Grid(e), &[map, Step::Key("grid")]))?;
+        }
         let weight = overrides.weight.unwrap_or(spec.weight);
         if !(0.0..=1.0).contains(&weight) {
             let kind = ScenarioErrorKind::Weight(weight);
@@ -165,7 +172,8 @@ impl Scenario {
         Ok(Self {
             name: spec.name.clone(),
             hash: hash(spec, start, task, weight),
-            workspace: Arc::new(workspace),
+            workspace,
+            grid: spec.workspace.grid,
             start,
             task: task.clone(),
             formula,
@@ -264,6 +272,15 @@ fn check_start([x, y]: [f64; 2], workspace: &Workspace) -> Result<Point2<f64>, S
             obstacle: i + 1,
         }),
     }
+}
+
+/// Whether the grid fits the map, and the start the grid.
+fn check_grid(
+    grid: GridSpec,
+    workspace: &Arc<Workspace>,
+    start: Point2<f64>,
+) -> Result<(), GridError> {
+    Grid::new(Arc::clone(workspace), grid.cells, grid.cell, start).map(|_| ())
 }
 
 /// Parses the task; `written` is the file it stands in, if it stands in one.

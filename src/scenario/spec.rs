@@ -43,12 +43,12 @@ pub struct WorkspaceSpec {
     /// The labelled regions, in file order; they may overlap.
     #[serde(default)]
     pub regions: RegionSpecs,
-    /// A grid over the map. Known, but refused until planning on grids exists.
+    /// A grid over the map, between whose cell centres the robot moves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grid: Option<GridSpec>,
 }
 
-/// A grid over a map: the robot moves between centres of neighbouring cells.
+/// A grid over a map: the robot moves between centres of cells, along rows and columns.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GridSpec {

@@ -148,10 +148,10 @@ fn every_invalid_scenario_says_what_is_wrong_and_where() {
 
     let (text, kind) = refused(
         "[workspace]\n",
-        "[workspace]\ngrid = { cells = [20, 20], cell = 0.05 }\n",
+        "[workspace]\ngrid = { cells = [30, 20], cell = 0.05 }\n",
     );
     assert!(
-        matches!(kind, Kind::Grid) && text.starts_with(":6:8: "),
+        matches!(kind, Kind::Grid(_)) && text.starts_with(":6:8: "),
         "{text}"
     );
 

@@ -41,6 +41,8 @@ pub struct Continuous {
     graph: VisibilityGraph,
     start: Spot,
     landmarks: Vec<Vec<Landmark>>,
+    /// For each letter and cell, the number of the landmark that stands for it.
+    parts: Vec<Vec<Option<u32>>>,
     reachable: LetterSet,
     /// Paths to targets that were asked for more than once, by the bits of their coordinates.
     paths: Mutex<HashMap<[u64; 2], Arc<PathsTo>>>,
@@ -72,6 +74,15 @@ impl Continuous {
                 .collect()
         };
         let landmarks: Vec<Vec<Landmark>> = alphabet.letters().map(reached).collect();
+        let number = |letter: Letter| -> Vec<Option<u32>> {
+            let here = &landmarks[letter.index()];
+            let cells = graph.map().cells(letter).iter();
+            cells
+                .map(|c| here.iter().position(|l| l.at == c.inner_point()))
+                .map(|i| i.map(|i| i as u32))
+                .collect()
+        };
+        let parts = alphabet.letters().map(number).collect();
         let mut reachable = alphabet.none();
         for l in alphabet.letters() {
             if l == letter || !landmarks[l.index()].is_empty() {
@@ -81,6 +92,7 @@ impl Continuous {
         Ok(Self {
             start: Spot { at: start, letter },
             landmarks,
+            parts,
             reachable,
             paths: Mutex::default(),
             graph,
@@ -97,12 +109,6 @@ impl Continuous {
     #[must_use]
     pub fn start(&self) -> Spot {
         self.start
-    }
-
-    /// The letters of the places that can be reached from the start.
-    #[must_use]
-    pub fn reachable(&self) -> &LetterSet {
-        &self.reachable
     }
 
     /// The shortest obstacle-free path between two free points, ends included.
@@ -159,6 +165,10 @@ impl TransitionSystem for Continuous {
         self.map().sample_letter(letter, random)
     }
 
+    fn reachable(&self) -> &LetterSet {
+        &self.reachable
+    }
+
     fn landmarks(&self, letter: Letter) -> &[Landmark] {
         &self.landmarks[letter.index()]
     }
@@ -170,5 +180,18 @@ impl TransitionSystem for Continuous {
         }
         let paths = self.paths_to(to, keep);
         paths.first_leg(&self.graph, from).map(|(_, at)| at)
+    }
+    fn part(&self, spot: &Spot) -> Option<u32> {
+        let cells = self.map().cells(spot.letter);
+        let parts = &self.parts[spot.letter.index()];
+        if let ([_], [part]) = (cells, parts.as_slice()) {
+            return *part;
+        }
+        let i = cells.iter().position(|c| c.contains(spot.at))?;
+        parts[i]
+    }
+
+    fn fingerprint(&self) -> String {
+        super::fingerprint(self.map(), &[])
     }
 }

@@ -9,6 +9,7 @@
 //! length; the letter where it stays for ever, if it stays. Shared borders and touched corners do
 //! not count.
 
+mod grid;
 mod lasso;
 mod refusal;
 
@@ -20,6 +21,7 @@ use crate::ltl::Formula;
 use crate::plan::{Cost, Path, Waypoint, length};
 use crate::workspace::Workspace;
 
+pub use grid::{verify_automaton_on_grid, verify_on_grid};
 pub use lasso::{Lasso, accepts};
 pub use refusal::{Part, Refusal};
 
@@ -65,6 +67,15 @@ pub fn verify(
         return Err(Refusal::Next);
     }
     let verified = check_motion(workspace, start, path, weight, stated)?;
+    judge(workspace, formula, verified)
+}
+
+/// Whether the word satisfies the formula; if not, which of its conjuncts fail.
+fn judge(
+    workspace: &Workspace,
+    formula: &Formula,
+    verified: Verified,
+) -> Result<Verified, Refusal> {
     let alphabet = workspace.alphabet();
     if lasso::satisfies(&verified.word, formula, alphabet)? {
         return Ok(verified);

@@ -110,6 +110,34 @@ pub enum Refusal {
         /// The letters along the leg, ends included.
         letters: String,
     },
+    /// A waypoint of a plan on a grid is not a cell's centre.
+    #[error("point {index} of the {part}, {}, is no cell's centre", p(at))]
+    OffCentre {
+        /// Which part.
+        part: Part,
+        /// Which point.
+        index: usize,
+        /// Where it is, map units.
+        at: Point2<f64>,
+    },
+    /// A leg of a plan on a grid runs neither along a row nor along a column.
+    #[error("leg {leg} of the {part} runs neither along a row nor along a column")]
+    Oblique {
+        /// Which part.
+        part: Part,
+        /// Which leg.
+        leg: usize,
+    },
+    /// A leg of a plan on a grid meets a region that holds neither of its ends.
+    #[error("leg {leg} of the {part} runs through {letter}, where it neither begins nor ends")]
+    ThroughRegion {
+        /// Which part.
+        part: Part,
+        /// Which leg.
+        leg: usize,
+        /// What is seen there.
+        letter: String,
+    },
     /// The stated cost is not the path's.
     #[error("the plan states a {what} cost of {stated}, its path has {found}")]
     Cost {

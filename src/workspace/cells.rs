@@ -73,6 +73,20 @@ impl Cell {
         &self.outline
     }
 
+    /// Whether `p` lies in the cell, up to the rounding of its triangulation.
+    #[must_use]
+    pub fn contains(&self, p: Point2<f64>) -> bool {
+        self.triangles.iter().any(|[a, b, c]| {
+            let slack = 1e-9 * (b - a).perp(&(c - a)).abs();
+            let sides = [
+                (b - a).perp(&(p - a)),
+                (c - b).perp(&(p - b)),
+                (a - c).perp(&(p - c)),
+            ];
+            sides.iter().all(|&s| s >= -slack) || sides.iter().all(|&s| s <= slack)
+        })
+    }
+
     /// A point uniform over the cell.
     pub(super) fn sample(&self, random: &mut Random) -> Point2<f64> {
         let goal = unit(random) * self.area();

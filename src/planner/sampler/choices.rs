@@ -62,20 +62,23 @@ pub(super) fn destination(
     let spot = view.tree.spot(closest);
     let state = view.tree.state(closest);
     let at_root = view.tree.is_at_root(closest);
-    let root = Target {
-        at: view.tree.root().at,
-        fixed: true,
+    // Where the path has to end, unless any place will do.
+    let end = match view.aim {
+        Aim::Prefix { .. } => None,
+        Aim::Suffix { .. } => Some(view.tree.root().at),
+        Aim::Reach { at, .. } => Some(at),
     };
-    let suffix = matches!(view.aim, Aim::Suffix { .. });
-    if suffix && state == goal && !at_root {
-        // The automaton's cycle is done: what is left is the way back.
-        let target = Some(root);
+    let end = end.map(|at| Target { at, fixed: true });
+    let around = matches!(view.aim, Aim::Suffix { .. }) && at_root;
+    if end.is_some() && state == goal && !around {
+        // The automaton's part is done: what is left is the way to the end.
+        let target = end;
         return Some(Destination { closest, target });
     }
     let first = first_successor(view, state, spot.letter, goal, preference, random)?;
     if first == goal {
         // Any move from here completes the automaton's part.
-        let target = suffix.then_some(root);
+        let target = end;
         return Some(Destination { closest, target });
     }
     let second = second_successor(view, first, goal, preference, random)?;
@@ -90,7 +93,7 @@ fn accepting_state(
     random: &mut Random,
 ) -> Option<StateId> {
     match view.aim {
-        Aim::Suffix { state, .. } => Some(state),
+        Aim::Suffix { state, .. } | Aim::Reach { state, .. } => Some(state),
         Aim::Prefix { .. } => preference.pick(random, &view.task.feasible),
     }
 }

@@ -1,0 +1,278 @@
+//! `nngtl library`.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use nalgebra::Point2;
+use serde_json::json;
+
+use super::args::{LibraryBuildArgs, LibraryMergeArgs, LibraryShowArgs, SamplerName};
+use super::console::{Console, seconds};
+use super::failure::{Failure, JSON_VERSION};
+use super::files;
+use crate::mission::{self, Options, SamplerChoice};
+use crate::planner::Settings;
+use crate::render::Picture;
+use crate::scenario::Scenario;
+use crate::system::TransitionSystem;
+use crate::transfer::{BuildSettings, Library, LibraryError, LibraryFile, Loaded};
+
+/// Pixels of a PNG for each pixel of the SVG.
+const PNG_SCALE: f64 = 1.5;
+
+impl From<LibraryError> for Failure {
+    fn from(e: LibraryError) -> Self {
+        Self::input(e.to_string())
+    }
+}
+
+/// Reads a library for a scenario, and says which skills do not hold on its map.
+pub(super) fn load(
+    path: &Path,
+    system: &dyn TransitionSystem,
+    console: &Console,
+) -> Result<Loaded, Failure> {
+    let loaded = LibraryFile::read(path)?.bind(system);
+    let name = path.display();
+    if !loaded.same_map {
+        console.warn(&format!(
+            "{name}: made on another map, or another state of this one; every skill was checked, {} hold and {} do not",
+            loaded.library.skills().len(),
+            loaded.dropped.len()
+        ));
+    }
+    for dropped in &loaded.dropped {
+        let number = dropped.skill + 1;
+        console.note(&format!(
+            "{name}: skill {number} left out: {}",
+            dropped.reason
+        ));
+    }
+    Ok(loaded)
+}
+
+pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Failure> {
+    let outputs = [Some(&args.out), args.svg.as_ref(), args.png.as_ref()];
+    files::check_folders(outputs.into_iter().flatten().map(|p| p.as_path()))?;
+    let sampler = match args.sampler {
+        SamplerName::Uniform | SamplerName::Auto => SamplerChoice::Uniform,
+        SamplerName::Guided => SamplerChoice::Guided,
+        SamplerName::Biased | SamplerName::Exact => {
+            let why = "a library is built with uniform or guided sampling: choose one of them";
+            return Err(Failure::input(why));
+        }
+    };
+    let scenario = files::scenario(&args.mission, console)?;
+    let (system, _) = mission::world(&scenario)?;
+    let known = match args.extend && args.out.exists() {
+        true => Some(load(&args.out, &*system, console)?.library),
+        false => None,
+    };
+    let task = mission::task(&scenario)?;
+    let options = Options {
+        sampler,
+        device: args.network.device.into(),
+        model: args.network.model.clone(),
+        settings: Settings::default(),
+    };
+    let settings = BuildSettings {
+        seed: args.seed,
+        samples: args.samples,
+        nodes: args.nodes,
+        ..BuildSettings::default()
+    };
+    let stop = super::interrupt::stop_on_interrupt();
+    let bar = console.progress(settings.samples, "learning");
+    let began = std::time::Instant::now();
+    let built = mission::build_library(&scenario, &task, &options, &settings, &stop, &mut |p| {
+        bar.set_position(p.samples);
+        bar.set_message(format!(
+            "{} of {} subtasks, {} nodes",
+            p.found, p.subtasks, p.nodes
+        ));
+    })?;
+    bar.finish_and_clear();
+    if stop.is_raised() {
+        console.note("interrupted: this is what was learned so far");
+    }
+    let took = began.elapsed().as_secs_f64();
+    let mut library = built.library;
+    if let Some(mut before) = known {
+        before.merge(&*system, &library);
+        library = before;
+    }
+    library.to_file(&*system).write(&args.out)?;
+    console.note(&format!("wrote {}", args.out.display()));
+    draw(
+        &scenario,
+        &library,
+        args.svg.as_deref(),
+        args.png.as_deref(),
+        console,
+    )?;
+    let text = match console.json() {
+        true => {
+            let object = json!({
+                "version": JSON_VERSION,
+                "outcome": "built",
+                "scenario": scenario.name,
+                "file": args.out,
+                "skills": library.skills().len(),
+                "pairs": library.pairs(),
+                "subtasks": built.subtasks,
+                "found": built.found,
+                "subtrees": built.subtrees,
+                "samples": built.samples,
+                "nodes": built.nodes,
+                "seconds": took,
+            });
+            format!("{object}\n")
+        }
+        false => format!(
+            "{}: {} skills join {} pairs of places\n  learned  {} of {} subtasks in {} subtrees\n  effort   {} samples, {} nodes, {}\n",
+            args.out.display(),
+            library.skills().len(),
+            library.pairs(),
+            built.found,
+            built.subtasks,
+            built.subtrees,
+            built.samples,
+            built.nodes,
+            seconds(took),
+        ),
+    };
+    Ok(console.result(&text)?)
+}
+
+pub(super) fn show(args: &LibraryShowArgs, console: &Console) -> Result<(), Failure> {
+    let file = LibraryFile::read(&args.library)?;
+    let mut checked = None;
+    if let Some(path) = &args.scenario {
+        let wanted = super::args::MissionArgs {
+            scenario: path.clone(),
+            pick: args.pick.clone(),
+            task: None,
+            weight: None,
+        };
+        let scenario = files::scenario(&wanted, console)?;
+        let (system, _) = mission::world(&scenario)?;
+        let loaded = load(&args.library, &*system, console)?;
+        let (svg, png) = (args.svg.as_deref(), args.png.as_deref());
+        draw(&scenario, &loaded.library, svg, png, console)?;
+        checked = Some(loaded);
+    }
+    if console.json() {
+        let checked = checked.map(|loaded| {
+            let dropped = loaded.dropped.iter();
+            let dropped: Vec<_> = dropped
+                .map(|d| json!({ "skill": d.skill, "reason": d.reason.to_string() }))
+                .collect();
+            json!({ "same_map": loaded.same_map, "dropped": dropped })
+        });
+        let object = json!({
+            "version": JSON_VERSION,
+            "outcome": "shown",
+            "library": file,
+            "checked": checked,
+        });
+        return Ok(console.result(&format!("{object}\n"))?);
+    }
+    let mut text = format!(
+        "{}: {} skills over {}, map {}…\n",
+        args.library.display(),
+        file.skills.len(),
+        file.regions.join(", "),
+        file.map.get(..12).unwrap_or(&file.map)
+    );
+    for (i, skill) in file.skills.iter().enumerate() {
+        let end = |k: usize| match skill.letters[k].is_empty() {
+            true => format!("({:.3}, {:.3})", skill.path[k][0], skill.path[k][1]),
+            false => skill.letters[k].join("+"),
+        };
+        let last = skill.path.len().saturating_sub(1);
+        let mut passed: Vec<String> = skill.letters[1..last.max(1)]
+            .iter()
+            .map(|names| format!("{{{}}}", names.join(",")))
+            .collect();
+        passed.sort();
+        passed.dedup();
+        let _ = writeln!(
+            text,
+            "  {:>3}  {} ↔ {}  cost {:.4}, {} waypoints, passes {}",
+            i + 1,
+            end(0),
+            end(last),
+            skill.cost,
+            skill.path.len(),
+            if passed.is_empty() {
+                "nothing".to_owned()
+            } else {
+                passed.join(" ")
+            },
+        );
+    }
+    Ok(console.result(&text)?)
+}
+
+pub(super) fn merge(args: &LibraryMergeArgs, console: &Console) -> Result<(), Failure> {
+    files::check_folders([args.out.as_path()])?;
+    let mut merged = LibraryFile::read(&args.libraries[0])?;
+    let mut added = 0;
+    for path in &args.libraries[1..] {
+        added += merged.merge(LibraryFile::read(path)?, path)?;
+    }
+    merged.write(&args.out)?;
+    console.note(&format!("wrote {}", args.out.display()));
+    let skills = merged.skills.len();
+    let text = match console.json() {
+        true => {
+            let object = json!({
+                "version": JSON_VERSION,
+                "outcome": "merged",
+                "file": args.out,
+                "skills": skills,
+                "added": added,
+            });
+            format!("{object}\n")
+        }
+        false => format!(
+            "{}: {skills} skills, {added} of them new to the first library\n",
+            args.out.display()
+        ),
+    };
+    Ok(console.result(&text)?)
+}
+
+/// Draws the map with the skills as bands.
+fn draw(
+    scenario: &Scenario,
+    library: &Library,
+    svg: Option<&Path>,
+    png: Option<&Path>,
+    console: &Console,
+) -> Result<(), Failure> {
+    if svg.is_none() && png.is_none() {
+        return Ok(());
+    }
+    let skills = library.skills().iter();
+    let legs: Vec<(Point2<f64>, Point2<f64>)> = skills
+        .flat_map(|s| s.path().windows(2).map(|w| (w[0].at, w[1].at)))
+        .collect();
+    let picture = Picture::new(&scenario.workspace)
+        .start(scenario.start)
+        .title(&scenario.name)
+        .subtitle(format!("{} skills", library.skills().len()))
+        .bands("skill", legs);
+    if let Some(path) = svg {
+        files::write(path, picture.to_svg().as_bytes(), console)?;
+    }
+    if let Some(path) = png {
+        let png = picture.to_png(PNG_SCALE);
+        files::write(
+            path,
+            &png.map_err(|e| Failure::input(e.to_string()))?,
+            console,
+        )?;
+    }
+    Ok(())
+}

@@ -1,0 +1,67 @@
+//! `nngtl replan`.
+
+use std::time::Instant;
+
+use serde_json::json;
+
+use super::args::ReplanArgs;
+use super::console::{Console, seconds};
+use super::failure::Failure;
+use super::{library, plan};
+use crate::mission::{self, Change};
+use crate::plan::PlanFile;
+use crate::planner::{Progress, Stop};
+
+pub(super) fn run(args: &ReplanArgs, console: &Console) -> Result<(), Failure> {
+    let began = Instant::now();
+    let (scenario, task, translate) = plan::read(&args.plan, console)?;
+    let old = PlanFile::read(&args.old)?;
+    let skills = match &args.library {
+        Some(path) => {
+            let (system, _) = mission::world(&scenario)?;
+            Some(library::load(path, &*system, console)?.library)
+        }
+        None => None,
+    };
+    let options = plan::options(&args.plan);
+    let path = old.path();
+    let search = |stop: &Stop, observe: &mut dyn FnMut(Progress)| {
+        mission::replan_task(
+            &scenario,
+            task,
+            &path,
+            skills.as_ref(),
+            &options,
+            stop,
+            observe,
+        )
+    };
+    let (mut planned, change) = plan::watched(&scenario, &options, console, search)?;
+    plan::finish(&mut planned, began, translate, console);
+    plan::write_files(&args.plan, &scenario, &planned, &[], console)?;
+    let told = match change {
+        Change::None => "the plan still holds".to_owned(),
+        Change::Repaired {
+            segments,
+            seconds: s,
+        } => {
+            let what = if segments == 1 { "segment" } else { "segments" };
+            format!("{segments} {what} replaced in {}", seconds(s))
+        }
+        Change::Anew => "no repair was possible: planned anew".to_owned(),
+    };
+    let text = if console.json() {
+        let mut object = plan::to_json(&args.plan, &scenario, &planned);
+        object["change"] = match change {
+            Change::None => json!({ "kind": "none" }),
+            Change::Repaired { segments, seconds } => {
+                json!({ "kind": "repaired", "segments": segments, "seconds": seconds })
+            }
+            Change::Anew => json!({ "kind": "anew" }),
+        };
+        format!("{object}\n")
+    } else {
+        format!("{}  change  {told}\n", plan::describe(&scenario, &planned))
+    };
+    Ok(console.result(&text)?)
+}

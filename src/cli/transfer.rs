@@ -1,0 +1,96 @@
+//! `nngtl transfer`.
+
+use std::fmt::Write as _;
+use std::time::Instant;
+
+use nalgebra::Point2;
+use serde_json::json;
+
+use super::args::{SamplerName, TransferArgs};
+use super::console::{Console, seconds};
+use super::failure::Failure;
+use super::{library, plan};
+use crate::mission;
+use crate::plan::Waypoint;
+use crate::planner::{Progress, Stop};
+use crate::transfer::{Reused, learn};
+
+pub(super) fn run(args: &TransferArgs, console: &Console) -> Result<(), Failure> {
+    let began = Instant::now();
+    if args.plan.sampler == SamplerName::Exact {
+        let why = "transfer planning samples: choose uniform, biased or guided, or use `nngtl plan --sampler exact`";
+        return Err(Failure::input(why));
+    }
+    let (scenario, task, translate) = plan::read(&args.plan, console)?;
+    let (system, start) = mission::world(&scenario)?;
+    let loading = Instant::now();
+    let loaded = library::load(&args.library, &*system, console)?;
+    let load_seconds = loading.elapsed().as_secs_f64();
+    let options = plan::options(&args.plan);
+    let skills = &loaded.library;
+    let search = |stop: &Stop, observe: &mut dyn FnMut(Progress)| {
+        mission::transfer_task(&scenario, task, skills, &options, stop, observe)
+    };
+    let (mut planned, reused) = plan::watched(&scenario, &options, console, search)?;
+    plan::finish(&mut planned, began, translate, console);
+    let mut legs = reused_legs(&planned.path.prefix, &reused.prefix_legs);
+    legs.extend(reused_legs(&planned.path.suffix, &reused.suffix_legs));
+    plan::write_files(&args.plan, &scenario, &planned, &legs, console)?;
+    let mut learned = None;
+    if args.learn {
+        let mut library = loaded.library;
+        let count = learn(&mut library, &*system, start, &planned.path);
+        library.to_file(&*system).write(&args.library)?;
+        console.note(&format!("wrote {}", args.library.display()));
+        learned = Some(count);
+    }
+    let text = if console.json() {
+        let mut object = plan::to_json(&args.plan, &scenario, &planned);
+        object["reuse"] = json!({
+            "subtasks": reused.counts.subtasks,
+            "matched": reused.counts.matched,
+            "graph_seconds": reused.graph_seconds,
+            "layout_seconds": reused.layout_seconds,
+            "load_seconds": load_seconds,
+            "prefix_legs": reused.prefix_legs,
+            "suffix_legs": reused.suffix_legs,
+            "learned": learned,
+        });
+        format!("{object}\n")
+    } else {
+        let mut text = plan::describe(&scenario, &planned);
+        describe(&mut text, &reused, load_seconds, learned);
+        text
+    };
+    Ok(console.result(&text)?)
+}
+
+fn reused_legs(points: &[Waypoint], reused: &[bool]) -> Vec<(Point2<f64>, Point2<f64>)> {
+    let legs = points.windows(2).zip(reused);
+    legs.filter(|&(w, &reused)| reused && w[0].at != w[1].at)
+        .map(|(w, _)| (w[0].at, w[1].at))
+        .collect()
+}
+
+fn describe(text: &mut String, reused: &Reused, load: f64, learned: Option<usize>) {
+    let legs = reused.prefix_legs.iter().chain(&reused.suffix_legs);
+    let (count, taken) = legs.fold((0, 0), |(n, k), &r| (n + 1, k + usize::from(r)));
+    let counts = &reused.counts;
+    let _ = writeln!(
+        text,
+        "  reuse   {} of {} subtasks have a skill ({:.1} %), {taken} of {count} legs are reused",
+        counts.matched,
+        counts.subtasks,
+        counts.percent()
+    );
+    let _ = writeln!(
+        text,
+        "  matched in {}; library loaded in {}, laid out in {}",
+        seconds(reused.graph_seconds),
+        seconds(load),
+        seconds(reused.layout_seconds)
+    );
+    if let Some(learned) = learned {
+        let _ = writeln!(text, "  learned {learned} skills");
+    }
+}

@@ -1,0 +1,180 @@
+//! Missions planned with a library of skills, and plans repaired in changed environments.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::{
+    Chosen, MissionError, Options, Planned, SamplerChoice, check, check_reachable, file, first,
+    guide, predict, problem, stats,
+};
+use crate::automaton::Task;
+use crate::plan::{Path, PlanStats, StageSeconds};
+use crate::planner::{Progress, Sampler, Stop};
+use crate::scenario::Scenario;
+use crate::transfer::{
+    self, BuildProgress, BuildSampler, BuildSettings, Built, Library, Repair, Replanned, Reused,
+};
+
+/// Builds a library from a scenario's mission. The sampler is `uniform` as in the paper, or `guided` by
+/// the heatmap of that mission; `auto` is uniform.
+///
+/// # Errors
+/// See [`MissionError`].
+pub fn build_library(
+    scenario: &Scenario,
+    task: &Task,
+    options: &Options,
+    settings: &BuildSettings,
+    stop: &Stop,
+    observe: &mut dyn FnMut(BuildProgress),
+) -> Result<Built, MissionError> {
+    let sampler = match options.sampler {
+        SamplerChoice::Guided => {
+            BuildSampler::Guided(predict(scenario, task, options)?.guidance.heatmap)
+        }
+        _ => BuildSampler::Uniform,
+    };
+    let problem = problem(scenario, Arc::new(task.clone()))?;
+    let (system, start) = (&*problem.system, problem.start);
+    Ok(transfer::build(
+        system, start, task, &sampler, settings, stop, observe,
+    )?)
+}
+
+/// Plans a mission with a library that is bound to the scenario's map. The sampler `auto` is uniform
+/// sampling, as in the paper: the first plan is made of skills and needs no sample.
+///
+/// # Errors
+/// See [`MissionError`].
+pub fn transfer_task(
+    scenario: &Scenario,
+    task: Task,
+    library: &Library,
+    options: &Options,
+    stop: &Stop,
+    observe: &mut dyn FnMut(Progress),
+) -> Result<(Planned, Reused), MissionError> {
+    let began = Instant::now();
+    let task = Arc::new(task);
+    let problem = problem(scenario, Arc::clone(&task))?;
+    check_reachable(&task, &*problem.system)?;
+    let chosen = match options.sampler {
+        SamplerChoice::Auto => Chosen {
+            sampler: Sampler::Uniform,
+            prediction: None,
+            notices: Vec::new(),
+        },
+        _ => guide::choose(scenario, &task, options)?,
+    };
+    let searched = Instant::now();
+    let found = transfer::transfer(
+        &problem,
+        library,
+        &chosen.sampler,
+        &options.settings,
+        stop,
+        observe,
+    )?;
+    let search = searched.elapsed().as_secs_f64();
+    let solution = found.solution;
+    let verified = check(scenario, &task, &solution.path, &solution.cost)?;
+    let mut file = file(scenario, &task, &solution.path, solution.cost);
+    file.sampler = Some(format!("transfer-{}", chosen.sampler.name()));
+    file.seed = Some(options.settings.seed);
+    file.first = solution.stats.first_plan.map(first);
+    file.first_prefix = solution.stats.first_prefix.map(first);
+    let mut effort = stats(&solution.stats);
+    effort.seconds.search = search;
+    let mut guidance = None;
+    if let Some(prediction) = chosen.prediction {
+        file.device = Some(prediction.device);
+        file.model_hash = Some(prediction.model_hash);
+        effort.seconds.encode = prediction.encode;
+        effort.seconds.infer = prediction.infer;
+        guidance = Some(prediction.guidance);
+    }
+    effort.seconds.total = began.elapsed().as_secs_f64();
+    file.stats = Some(effort);
+    let planned = Planned {
+        path: solution.path,
+        verified,
+        file,
+        guidance,
+        edges: solution.edges,
+        notices: chosen.notices,
+    };
+    Ok((planned, found.reused))
+}
+
+/// What was done to a plan in a changed environment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Change {
+    /// Nothing: it still holds.
+    None,
+    /// So many segments were replaced, in so many seconds.
+    Repaired {
+        /// Segments.
+        segments: usize,
+        /// Seconds, without verification.
+        seconds: f64,
+    },
+    /// No repair was possible: the mission was planned anew.
+    Anew,
+}
+
+/// Makes a plan fit a changed scenario: repairs it, or plans anew where that is not possible (with the
+/// library if one is given, else as the options say). The whole plan is verified.
+///
+/// # Errors
+/// See [`MissionError`].
+pub fn replan_task(
+    scenario: &Scenario,
+    task: Task,
+    plan: &Path,
+    library: Option<&Library>,
+    options: &Options,
+    stop: &Stop,
+    observe: &mut dyn FnMut(Progress),
+) -> Result<(Planned, Change), MissionError> {
+    let began = Instant::now();
+    let shared = Arc::new(task);
+    let problem = problem(scenario, Arc::clone(&shared))?;
+    let (repair, change) = match transfer::replan(&problem, plan, &options.settings) {
+        Replanned::Unchanged(repair) => (repair, Change::None),
+        Replanned::Repaired(repair) => {
+            let (segments, seconds) = (repair.segments, repair.seconds);
+            (repair, Change::Repaired { segments, seconds })
+        }
+        Replanned::Hopeless => {
+            let task = Task::clone(&shared);
+            let planned = match library {
+                Some(library) => transfer_task(scenario, task, library, options, stop, observe)?.0,
+                None => super::plan_task(scenario, task, options, stop, observe)?,
+            };
+            return Ok((planned, Change::Anew));
+        }
+    };
+    let Repair { path, cost, .. } = repair;
+    let verified = check(scenario, &shared, &path, &cost)?;
+    let mut file = file(scenario, &shared, &path, cost);
+    file.sampler = Some("replan".to_owned());
+    file.seed = Some(options.settings.seed);
+    file.stats = Some(PlanStats {
+        iterations: repair.samples,
+        seconds: StageSeconds {
+            search: repair.seconds,
+            total: began.elapsed().as_secs_f64(),
+            ..StageSeconds::default()
+        },
+        ..PlanStats::default()
+    });
+    let planned = Planned {
+        path,
+        verified,
+        file,
+        guidance: None,
+        edges: Vec::new(),
+        notices: Vec::new(),
+    };
+    Ok((planned, change))
+}

@@ -1,0 +1,484 @@
+//! Replanning in a changed environment (`transfer-planning.md`, VI-B): of a plan that new obstacles broke,
+//! only the broken segments are planned again, each in the part of the automaton that it used.
+//!
+//! Corrections of the paper's procedure, which can run for ever: obstacles may hit the suffix and
+//! the point where it begins (the suffix is then entered elsewhere); a segment whose sub-automaton
+//! admits no path, or whose far end cannot be reached any more, is widened, and in the end the
+//! mission is planned anew; a repaired suffix must still pass an accepting state.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::automaton::{Distances, Nba, StateId, Task, Transition};
+use crate::plan::{Cost, Path, Waypoint};
+use crate::planner::{Aim, NodeId, Problem, Sampler, Settings, Tree, View};
+use crate::random::{Random, generator};
+use crate::system::{Spot, TransitionSystem};
+
+/// Samples for one attempt at a segment; most need none beyond the turns of the shortest way.
+const SAMPLES: usize = 300;
+
+/// How many ends are tried for a broken segment.
+const ATTEMPTS: usize = 4;
+
+/// Turns of the shortest obstacle-free way that are proposed before any sample.
+const TURNS: usize = 32;
+
+/// What became of a plan in a changed environment.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Replanned {
+    /// Nothing is in its way.
+    Unchanged(Repair),
+    /// Its broken segments were replaced.
+    Repaired(Repair),
+    /// It cannot be repaired: the mission must be planned anew.
+    Hopeless,
+}
+
+/// A plan that holds in the changed environment as far as its moves and its automaton run go.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Repair {
+    /// The plan.
+    pub path: Path,
+    /// Its cost.
+    pub cost: Cost,
+    /// Segments that were replaced.
+    pub segments: usize,
+    /// Samples that were drawn for them.
+    pub samples: u64,
+    /// Seconds.
+    pub seconds: f64,
+}
+
+/// Repairs a plan of this mission for this environment. The plan's automaton states are used if they
+/// are a run of the mission's automaton, and are found again if not.
+#[must_use]
+pub fn replan(problem: &Problem, plan: &Path, settings: &Settings) -> Replanned {
+    let began = Instant::now();
+    let mut repairer = Repairer {
+        problem,
+        settings,
+        random: generator(settings.seed, 0),
+        segments: 0,
+        samples: 0,
+    };
+    let Some(path) = repairer.repair(plan) else {
+        return Replanned::Hopeless;
+    };
+    let length = |points: &[Waypoint]| -> f64 {
+        let legs = points.windows(2);
+        legs.map(|w| problem.system.distance(w[0].at, w[1].at))
+            .sum()
+    };
+    let cost = Cost::new(length(&path.prefix), length(&path.suffix), problem.weight);
+    let repair = Repair {
+        path,
+        cost,
+        segments: repairer.segments,
+        samples: repairer.samples,
+        seconds: began.elapsed().as_secs_f64(),
+    };
+    match repair.segments {
+        0 => Replanned::Unchanged(repair),
+        _ => Replanned::Repaired(repair),
+    }
+}
+
+struct Repairer<'a> {
+    problem: &'a Problem,
+    settings: &'a Settings,
+    random: Random,
+    segments: usize,
+    samples: u64,
+}
+
+impl Repairer<'_> {
+    fn repair(&mut self, plan: &Path) -> Option<Path> {
+        let plan = with_states(self.problem, plan)?;
+        if plan.suffix.len() == 1 {
+            let prefix = self.repair_part(&plan.prefix, false)?;
+            let suffix = plan.suffix;
+            return Some(Path { prefix, suffix });
+        }
+        let (prefix, cycle) = self.enter_elsewhere(plan)?;
+        let prefix = self.repair_part(&prefix, false)?;
+        let cycle = self.repair_part(&cycle, true)?;
+        settle(&self.problem.task, prefix, cycle)
+    }
+
+    /// The plan with the suffix beginning at a point that is still free: the point itself if it is.
+    fn enter_elsewhere(&self, plan: Path) -> Option<(Vec<Waypoint>, Vec<Waypoint>)> {
+        let (mut prefix, cycle) = (plan.prefix, plan.suffix);
+        let open = &cycle[..cycle.len() - 1];
+        let first = open.iter().position(|w| self.spot(w).is_some())?;
+        prefix.extend(&open[1..first.max(1)]);
+        if first > 0 {
+            prefix.push(open[first]);
+        }
+        let mut rotated: Vec<Waypoint> = open[first..].to_vec();
+        rotated.extend(&open[..=first]);
+        Some((prefix, rotated))
+    }
+
+    fn spot(&self, w: &Waypoint) -> Option<Spot> {
+        self.problem.system.settle(w.at)
+    }
+
+    /// Whether a product step of the plan is still possible.
+    fn holds(&self, a: &Waypoint, b: &Waypoint) -> bool {
+        let (Some(from), Some(to)) = (self.spot(a), self.spot(b)) else {
+            return false;
+        };
+        let guard = self.problem.task.nba.guard(a.state, b.state);
+        guard.is_some_and(|g| g.contains(from.letter)) && self.problem.system.step(&from, &to)
+    }
+
+    /// Replaces the broken segments of a prefix, or of a cycle that has to stay accepting.
+    fn repair_part(&mut self, points: &[Waypoint], cycle: bool) -> Option<Vec<Waypoint>> {
+        let nba = &self.problem.task.nba;
+        let last = points.len() - 1;
+        self.spot(&points[last])?;
+        let mut done = vec![points[0]];
+        let mut i = 0;
+        while i < last {
+            if self.holds(&points[i], &points[i + 1]) {
+                i += 1;
+                done.push(points[i]);
+                continue;
+            }
+            // Accepting points that are done, or still to come unharmed, need no second visit here.
+            let accepts = |w: &Waypoint| nba.is_accepting(w.state);
+            let visited = done.iter().any(accepts);
+            let free = |k: &usize| self.spot(&points[*k]).is_some();
+            let ends: Vec<usize> = (i + 1..=last).filter(free).take(ATTEMPTS).collect();
+            let found = ends.into_iter().find_map(|k| {
+                let inside = points[i..=k].iter().any(accepts);
+                let later = points[k..].iter().any(accepts);
+                let must_accept = cycle && inside && !visited && !later;
+                let path = self.connect(&points[i..=k], must_accept)?;
+                Some((k, path))
+            });
+            let (k, path) = found?;
+            self.segments += 1;
+            done.extend(&path[1..]);
+            i = k;
+        }
+        Some(done)
+    }
+
+    /// A new way from the first to the last of these waypoints, in the sub-automaton B' of their
+    /// states. With `accepting` it passes an accepting state.
+    fn connect(&mut self, segment: &[Waypoint], accepting: bool) -> Option<Vec<Waypoint>> {
+        let system = &*self.problem.system;
+        let (from, to) = (segment[0], segment[segment.len() - 1]);
+        let (start, end) = (self.spot(&from)?, self.spot(&to)?);
+        // No way at all: nothing to search for.
+        system.first_leg(start.at, end.at, true)?;
+        let small = SubAutomaton::new(&self.problem.task.nba, segment, accepting);
+        let mut tree = Tree::new(system, &small.task.nba, start, &[small.first]);
+        let mut touched = Vec::new();
+        let mut close = |tree: &mut Tree<'_>| -> Option<Vec<Waypoint>> {
+            tree.take_touched(&mut touched);
+            let node = closing(system, &small, tree, &touched, &end)?;
+            Some(small.path(tree, node, &to))
+        };
+        if let Some(path) = close(&mut tree) {
+            return Some(path);
+        }
+        let mut at = start.at;
+        for _ in 0..TURNS {
+            let Some(next) = system.first_leg(at, end.at, true) else {
+                break;
+            };
+            if next == at || next == end.at {
+                break;
+            }
+            at = next;
+            self.grow(&mut tree, system.settle(next));
+            if let Some(path) = close(&mut tree) {
+                return Some(path);
+            }
+        }
+        for _ in 0..SAMPLES {
+            self.samples += 1;
+            let view = View {
+                system,
+                task: &small.task,
+                settings: self.settings,
+                tree: &tree,
+                aim: Aim::Reach {
+                    at: end.at,
+                    state: small.last,
+                },
+            };
+            let drawn = Sampler::Biased.draw(&view, &mut self.random);
+            let spot = drawn.and_then(|d| system.settle(d.at));
+            self.grow(&mut tree, spot);
+            if let Some(path) = close(&mut tree) {
+                return Some(path);
+            }
+        }
+        None
+    }
+
+    fn grow(&self, tree: &mut Tree<'_>, spot: Option<Spot>) {
+        let Some(spot) = spot else { return };
+        let anchor = tree.nearest(spot.at);
+        let side = self.problem.system.bounds().side();
+        let radius = self.settings.near_radius(tree.site_count(), side);
+        tree.extend(spot, radius, &[anchor]);
+    }
+}
+
+/// The cheapest node that reaches the end of a segment in one product step.
+fn closing(
+    system: &dyn TransitionSystem,
+    small: &SubAutomaton,
+    tree: &Tree<'_>,
+    touched: &[NodeId],
+    end: &Spot,
+) -> Option<NodeId> {
+    let reaches = |&&node: &&NodeId| {
+        let spot = tree.spot(node);
+        let guard = small.task.nba.guard(tree.state(node), small.last);
+        guard.is_some_and(|g| g.contains(spot.letter)) && system.step(&spot, end)
+    };
+    let cost = |n: &&NodeId| tree.cost(**n) + system.distance(tree.spot(**n).at, end.at);
+    touched
+        .iter()
+        .filter(reaches)
+        .min_by(|a, b| cost(a).total_cmp(&cost(b)).then(a.cmp(b)))
+        .copied()
+}
+
+/// B': the states of a segment with the transitions between them; in two layers, before and after the
+/// first accepting state, if the segment has to pass one.
+struct SubAutomaton {
+    task: Task,
+    /// The full automaton's states, by this one's.
+    states: Vec<StateId>,
+    first: StateId,
+    last: StateId,
+}
+
+impl SubAutomaton {
+    fn new(nba: &Nba, segment: &[Waypoint], accepting: bool) -> Self {
+        let mut used: Vec<StateId> = segment.iter().map(|w| w.state).collect();
+        used.sort_unstable();
+        used.dedup();
+        let count = used.len();
+        let layers = if accepting { 2 } else { 1 };
+        let number = |q: StateId| used.binary_search(&q).unwrap_or(0);
+        // A state that accepts is in the second layer, and so is everything after it.
+        let enter = |layer: usize, q: StateId| match accepting {
+            true if layer == 1 || nba.is_accepting(q) => 1,
+            _ => 0,
+        };
+        let mut transitions = Vec::with_capacity(layers * count);
+        for layer in 0..layers {
+            for &q in &used {
+                let row = nba.outgoing(q).iter();
+                let inner = row.filter(|t| used.binary_search(&t.target).is_ok());
+                let mut row: Vec<Transition> = inner
+                    .map(|t| Transition {
+                        target: StateId((enter(layer, t.target) * count + number(t.target)) as u32),
+                        guard: t.guard.clone(),
+                    })
+                    .collect();
+                row.sort_by_key(|t| t.target);
+                transitions.push(row);
+            }
+        }
+        let (from, to) = (segment[0].state, segment[segment.len() - 1].state);
+        let first = StateId((enter(0, from) * count + number(from)) as u32);
+        let last = StateId(((layers - 1) * count + number(to)) as u32);
+        let small = Nba {
+            alphabet: Arc::clone(&nba.alphabet),
+            initial: vec![first],
+            accepting: (0..layers * count).map(|i| i == last.index()).collect(),
+            transitions,
+        };
+        let mut states = used.clone();
+        states.extend((1..layers).flat_map(|_| used.iter().copied()));
+        Self {
+            task: Task {
+                distances: Distances::new(&small),
+                feasible: vec![last],
+                formula: None,
+                nba: small,
+            },
+            states,
+            first,
+            last,
+        }
+    }
+
+    /// The path to a node and on to the end of the segment, in the full automaton's states.
+    fn path(&self, tree: &Tree<'_>, node: NodeId, to: &Waypoint) -> Vec<Waypoint> {
+        let mut path: Vec<Waypoint> = tree
+            .path(node)
+            .into_iter()
+            .map(|w| Waypoint {
+                state: self.states[w.state.index()],
+                ..w
+            })
+            .collect();
+        path.push(*to);
+        path
+    }
+}
+
+/// A plan from a prefix and the cycle that it leads to: the suffix begins where the cycle accepts.
+fn settle(task: &Task, mut prefix: Vec<Waypoint>, cycle: Vec<Waypoint>) -> Option<Path> {
+    let open = &cycle[..cycle.len() - 1];
+    let accepts = |w: &Waypoint| task.nba.is_accepting(w.state);
+    let goal = open.iter().position(accepts)?;
+    prefix.extend(&open[1..(goal + 1).max(1)]);
+    let mut suffix = open[goal..].to_vec();
+    suffix.extend(&open[..=goal]);
+    Some(Path { prefix, suffix })
+}
+
+/// The plan with automaton states that are an accepting run: those it has if they are, else others, if
+/// there are any. Letters are those that the changed map shows at free points; points under new
+/// obstacles had no region.
+fn with_states(problem: &Problem, plan: &Path) -> Option<Path> {
+    if plan.prefix.is_empty() || plan.suffix.is_empty() {
+        return None;
+    }
+    let run = Run::new(problem, plan)?;
+    if run.is_accepting_run(plan) {
+        return Some(plan.clone());
+    }
+    run.find(plan)
+}
+
+/// The word of a plan, and the automaton that reads it.
+struct Run<'a> {
+    task: &'a Task,
+    prefix: Vec<crate::alphabet::LetterSet>,
+    suffix: Vec<crate::alphabet::LetterSet>,
+    initial: &'a [StateId],
+}
+
+impl<'a> Run<'a> {
+    fn new(problem: &'a Problem, plan: &Path) -> Option<Self> {
+        let alphabet = problem.system.alphabet();
+        let outside = alphabet.filter(crate::alphabet::Props::is_empty);
+        let read = |w: &Waypoint| match problem.system.settle(w.at) {
+            Some(spot) => {
+                let mut only = alphabet.none();
+                only.insert(spot.letter);
+                only
+            }
+            None => outside.clone(),
+        };
+        let legs = |points: &[Waypoint]| -> Vec<_> {
+            points[..points.len() - 1].iter().map(read).collect()
+        };
+        let mut suffix = legs(&plan.suffix);
+        if suffix.is_empty() {
+            suffix.push(read(&plan.suffix[0]));
+        }
+        Some(Self {
+            task: &problem.task,
+            prefix: legs(&plan.prefix),
+            suffix,
+            initial: &problem.task.nba.initial,
+        })
+    }
+
+    fn steps(&self, from: StateId, letters: &crate::alphabet::LetterSet, to: StateId) -> bool {
+        let known = from.index() < self.task.nba.len() && to.index() < self.task.nba.len();
+        let guard = known.then(|| self.task.nba.guard(from, to)).flatten();
+        guard.is_some_and(|g| letters.is_subset(g))
+    }
+
+    fn is_accepting_run(&self, plan: &Path) -> bool {
+        let follows = |points: &[Waypoint], letters: &[crate::alphabet::LetterSet]| {
+            let mut legs = points.windows(2).zip(letters);
+            legs.all(|(w, l)| self.steps(w[0].state, l, w[1].state))
+        };
+        let (first, end) = (
+            plan.prefix[0].state,
+            plan.prefix[plan.prefix.len() - 1].state,
+        );
+        let closes = match plan.suffix.as_slice() {
+            [w] => w.state == end && self.stays(w.state),
+            points => points[0].state == end && points[points.len() - 1].state == end,
+        };
+        let accepts = |w: &Waypoint| self.task.feasible.binary_search(&w.state).is_ok();
+        self.initial.contains(&first)
+            && closes
+            && follows(&plan.prefix, &self.prefix)
+            && (plan.suffix.len() == 1 || follows(&plan.suffix, &self.suffix))
+            && plan.suffix.iter().any(accepts)
+    }
+
+    /// Whether the automaton can go on accepting from a state on the suffix's single letter.
+    fn stays(&self, state: StateId) -> bool {
+        self.reach(&[state], &self.suffix)
+            .last()
+            .is_some_and(|layer| layer.iter().any(|&(q, _)| q == state))
+    }
+
+    /// For each letter read, the states that can follow, each with its predecessor's number.
+    fn reach(
+        &self,
+        from: &[StateId],
+        letters: &[crate::alphabet::LetterSet],
+    ) -> Vec<Vec<(StateId, usize)>> {
+        let mut layers = vec![from.iter().map(|&q| (q, 0)).collect::<Vec<_>>()];
+        for set in letters {
+            let before = &layers[layers.len() - 1];
+            let mut layer: Vec<(StateId, usize)> = Vec::new();
+            for (i, &(q, _)) in before.iter().enumerate() {
+                for t in self.task.nba.outgoing(q) {
+                    if set.is_subset(&t.guard) && layer.iter().all(|&(s, _)| s != t.target) {
+                        layer.push((t.target, i));
+                    }
+                }
+            }
+            layers.push(layer);
+        }
+        layers
+    }
+
+    /// An accepting run with one round of the suffix for each round of the automaton.
+    fn find(&self, plan: &Path) -> Option<Path> {
+        let forward = self.reach(self.initial, &self.prefix);
+        let ends = forward.last()?;
+        let accepting = |q: &StateId| self.task.feasible.binary_search(q).is_ok();
+        for (i, &(q, _)) in ends.iter().enumerate() {
+            let prefix = assign(&plan.prefix, &forward, i);
+            if plan.suffix.len() == 1 {
+                if accepting(&q) && self.stays(q) {
+                    let suffix = vec![prefix[prefix.len() - 1]];
+                    return Some(Path { prefix, suffix });
+                }
+                continue;
+            }
+            let around = self.reach(&[q], &self.suffix);
+            let back = around.last()?.iter().position(|&(s, _)| s == q);
+            let Some(back) = back else { continue };
+            let suffix = assign(&plan.suffix, &around, back);
+            if suffix.iter().any(|w| accepting(&w.state)) {
+                return Some(Path { prefix, suffix });
+            }
+        }
+        None
+    }
+}
+
+/// The points with the states of the run that ends in entry `end` of the last layer.
+fn assign(points: &[Waypoint], layers: &[Vec<(StateId, usize)>], end: usize) -> Vec<Waypoint> {
+    let mut states = Vec::with_capacity(layers.len());
+    let mut i = end;
+    for layer in layers.iter().rev() {
+        let (q, parent) = layer[i];
+        states.push(q);
+        i = parent;
+    }
+    let with = |(w, &state): (&Waypoint, &StateId)| Waypoint { at: w.at, state };
+    points.iter().zip(states.iter().rev()).map(with).collect()
+}

@@ -25,7 +25,10 @@ pub const MODEL_FILES: [&str; 2] = ["pathnet.safetensors", "statenet.safetensors
 /// The weights that are built into the program, PathNet's and StateNet's.
 #[must_use]
 pub fn embedded() -> Option<[&'static [u8]; 2]> {
-    None
+    Some([
+        include_bytes!("../../models/compact/pathnet.safetensors"),
+        include_bytes!("../../models/compact/statenet.safetensors"),
+    ])
 }
 
 /// Why a model could not be loaded.

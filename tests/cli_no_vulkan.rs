@@ -73,7 +73,7 @@ fn plan(folder: &Path, device: &str) -> Command {
 }
 
 fn written(folder: &Path) -> PlanFile {
-    PlanFile::read(&folder.join("plan.json").display().to_string()).unwrap()
+    PlanFile::read(folder.join("plan.json")).unwrap()
 }
 
 /// What is said beside the files that were written.

@@ -45,7 +45,7 @@ impl Default for BuildSettings {
     fn default() -> Self {
         Self {
             seed: 0,
-            samples: 4_000,
+            samples: 2_000,
             nodes: 4_000_000,
             search: Settings::default(),
         }

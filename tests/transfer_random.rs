@@ -11,9 +11,7 @@ use nngtl::planner::{PlanError, Problem, Sampler, Settings, Stop};
 use nngtl::random::{Random, chance, generator, unit};
 use nngtl::scenario::GridSpec;
 use nngtl::system::{Grid, TransitionSystem};
-use nngtl::transfer::{
-    BuildSampler, BuildSettings, Library, build, optimum, transfer,
-};
+use nngtl::transfer::{BuildSampler, BuildSettings, Library, build, optimum, transfer};
 use nngtl::verify::verify_on_grid;
 use nngtl::workspace::{Bounds, Polygon, Region, Workspace};
 
@@ -71,7 +69,13 @@ fn workspace(blocked: &[(u32, u32)], regions: &[(u32, u32); 3]) -> Arc<Workspace
 }
 
 fn grid(map: &Arc<Workspace>) -> Grid {
-    Grid::new(Arc::clone(map), GRID.cells, GRID.cell, Point2::new(0.5, 0.5)).unwrap()
+    Grid::new(
+        Arc::clone(map),
+        GRID.cells,
+        GRID.cell,
+        Point2::new(0.5, 0.5),
+    )
+    .unwrap()
 }
 
 /// A random formula with every operator that plans are made for, X included.
@@ -186,7 +190,10 @@ fn run(
         (Ok(_), None) => panic!("{case}: {formula}: a plan where exhaustive search finds none"),
         (Err(PlanError::NotFound(_)), None) => Outcome::NoPlan,
         (Err(PlanError::NotFound(_)), Some((_, best))) => {
-            panic!("{case}: {formula}: no plan, though one costs {}", best.total)
+            panic!(
+                "{case}: {formula}: no plan, though one costs {}",
+                best.total
+            )
         }
         (Err(e), _) => panic!("{case}: {formula}: {e}"),
     }

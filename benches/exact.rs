@@ -2,9 +2,10 @@
 //! translating the formula are not timed. Every plan is checked for its length before timing.
 
 use std::hint::black_box;
+use std::sync::Arc;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use nngtl::automaton::Task;
+use nngtl::automaton::{Limits, Task};
 use nngtl::dataset::maps::{Family, draw_map, draw_start};
 use nngtl::exact::{ExactConfig, Roadmap};
 use nngtl::ltl::Formula;
@@ -30,7 +31,8 @@ fn exact(c: &mut Criterion) {
         let roadmap = Roadmap::new(&workspace, ExactConfig::default());
         for (name, text) in MISSIONS {
             let formula: Formula = text.parse().expect("the formula is sound");
-            let task = Task::from_formula(&formula, workspace.alphabet())
+            let letters = Arc::clone(workspace.alphabet());
+            let task = Task::from_formula(&formula, letters, &Limits::default())
                 .expect("the formula has an automaton");
             let plan = roadmap
                 .plan(start, &task, 0.2)

@@ -4,6 +4,7 @@
 //! Timed: encoding, inference (the device is open, the weights are loaded) and search until the
 //! first plan, over the same ten seeds. Not timed: reading the scenario, translation, loading
 //! weights, opening the device, verification. Every plan is verified before anything is timed.
+#![allow(clippy::print_stderr)] // tells which device is left out
 
 use std::hint::black_box;
 use std::sync::Arc;

@@ -28,9 +28,8 @@ fn weight_base(part: u32) -> u32 {
 }
 
 fn load(k: u32, column: u32, part: u32) -> vec4<f32> {
-    let taps = p.kernel * p.kernel;
-    let channel = k / taps;
-    let tap = k % taps;
+    let tap = k / p.channels;
+    let channel = k % p.channels;
     let plane = p.x_offset + channel * p.height * p.width;
     let down = i32(tap / p.kernel) - i32(p.padding);
     let across = i32(tap % p.kernel) - i32(p.padding);

@@ -1,4 +1,5 @@
 //! Whole networks on the CPU against PyTorch (`training/nngtl_training/goldens.py` makes the files).
+#![allow(clippy::print_stdout)] // tells how far off each network is
 
 mod common;
 

@@ -108,7 +108,12 @@ fn wanted_colour(arguments: &[std::ffi::OsString]) -> ColorChoice {
 
 /// Sends the library's log to stderr, as `RUST_LOG` asks; without it, warnings of this program.
 fn start_logging(quiet: bool) {
-    let default = if quiet { "error" } else { "error,nngtl=warn" };
+    // What drivers and their loader complain of reaches users as the reason why the CPU took over.
+    let default = if quiet {
+        "error,wgpu_hal=off"
+    } else {
+        "error,wgpu_hal=off,nngtl=warn"
+    };
     let environment = env_logger::Env::default().default_filter_or(default);
     let mut builder = env_logger::Builder::from_env(environment);
     if std::env::var_os("RUST_LOG").is_none() {

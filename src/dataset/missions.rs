@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::maps::region_name;
 use crate::ltl::Formula;
+use crate::ltl::random::{RandomOptions, Weights, formula};
 use crate::random::{Random, choose};
 
 /// The kind of a mission's formula. Patterns are those of the robotic-mission catalogue of
@@ -138,39 +139,19 @@ fn conjunction(regions: usize, random: &mut Random) -> Formula {
 /// The largest random syntax tree, in nodes (`nngtl.md`, IV-D).
 const TREE_NODES: usize = 25;
 
-/// Draws a random syntax tree of 3 to 25 nodes over F G U ! & | and some of the regions' names.
-///
-/// As the paper leaves the distribution open: sizes are uniform, a node with a subtree of one node is
-/// a unary operator, others are binary with probability 3/5, with the rest split uniformly.
+/// Draws a random syntax tree of 3 to 25 nodes over F G U ! & | and some of the regions' names
+/// (at least one region). The paper leaves the distribution open: here sizes and numbers of names
+/// are uniform, operators alike.
 #[must_use]
 pub fn draw_tree(regions: usize, random: &mut Random) -> Formula {
-    let names = drawn_names(regions, random);
-    let used = random.random_range(1..=names.len().max(1)).min(names.len());
-    tree(random.random_range(3..=TREE_NODES), &names[..used], random)
-}
-
-fn tree(nodes: usize, names: &[String], random: &mut Random) -> Formula {
-    if nodes <= 1 {
-        return choose(random, names).map_or(Formula::True, |name| prop(name));
-    }
-    if nodes == 2 || random.random_range(0..5) < 2 {
-        let inner = tree(nodes - 1, names, random);
-        return match random.random_range(0..3) {
-            0 => inner.finally(),
-            1 => inner.globally(),
-            _ => inner.not(),
-        };
-    }
-    let left = random.random_range(1..=nodes - 2);
-    let (f, g) = (
-        tree(left, names, random),
-        tree(nodes - 1 - left, names, random),
-    );
-    match random.random_range(0..3) {
-        0 => f.until(g),
-        1 => f.and(g),
-        _ => f.or(g),
-    }
+    let mut names = drawn_names(regions, random);
+    names.truncate(random.random_range(1..=names.len().max(1)));
+    let options = RandomOptions {
+        propositions: names,
+        size: random.random_range(3..=TREE_NODES),
+        weights: Weights::missions(),
+    };
+    formula(random, &options)
 }
 
 /// All region names in random order.

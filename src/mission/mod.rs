@@ -18,6 +18,11 @@
 mod guide;
 mod transfer;
 
+/// The Rust of the README, as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+mod readme {}
+
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use sha2::{Digest, Sha256};
 
 use super::config::Kind;
-use super::cpu::{Planes, PlanesMut, Session, upsample};
+use super::cpu::{Planes, PlanesMut, Scratch, Session, upsample};
 use super::device::{Backend, DeviceChoice, Estimate, Fallback};
 use super::inputs::Inputs;
 use super::models::Model;
@@ -25,7 +25,10 @@ pub const MODEL_FILES: [&str; 2] = ["pathnet.safetensors", "statenet.safetensors
 /// The weights that are built into the program, PathNet's and StateNet's.
 #[must_use]
 pub fn embedded() -> Option<[&'static [u8]; 2]> {
-    None
+    Some([
+        include_bytes!("../../models/compact/pathnet.safetensors"),
+        include_bytes!("../../models/compact/statenet.safetensors"),
+    ])
 }
 
 /// Why a model could not be loaded.
@@ -384,15 +387,13 @@ fn resized(cells: &[f32], from: usize, to: usize) -> Vec<f32> {
         height: from,
         width: from,
     };
-    upsample(
-        x,
-        PlanesMut {
-            data: &mut values,
-            channels: 1,
-            height: to,
-            width: to,
-        },
-    );
+    let y = PlanesMut {
+        data: &mut values,
+        channels: 1,
+        height: to,
+        width: to,
+    };
+    upsample(x, y, &mut Scratch::default());
     values
 }
 

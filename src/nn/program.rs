@@ -294,7 +294,7 @@ impl Window {
 #[allow(missing_docs)] // the fields' meaning is told once, in the variants' text
 pub enum Op {
     /// `y = activation(weight ∗ x + bias (+ residual))`.
-    /// `weight` has shape (out, in · kernel · kernel), `bias` (out).
+    /// `weight` has shape (out, kernel · kernel, in), `bias` (out).
     Conv2d {
         x: Map,
         weight: ConstantId,
@@ -307,7 +307,7 @@ pub enum Op {
     /// `y = activation(transposed convolution of x + bias)`.
     ///
     /// `weight` holds one convolution matrix per residue (p, q) of the output's cell modulo the
-    /// stride, p major: shape (stride, stride, out, in · taps · taps) with taps as in
+    /// stride, p major: shape (stride, stride, out, taps · taps, in) with taps as in
     /// [`Window::taps`]; tap `t` of residue `p` is entry `(p + padding) mod stride + stride·t` of
     /// the kernel and meets the input cell `(p + padding) div stride + n − t` for output `p + stride·n`.
     ConvTranspose2d {

@@ -1,4 +1,5 @@
 //! Running the program in tests.
+#![allow(dead_code)] // every test file uses a part
 
 use std::ffi::OsStr;
 use std::path::Path;
@@ -15,7 +16,6 @@ pub(crate) struct Run {
     pub(crate) err: String,
 }
 
-#[allow(dead_code)] // every test file uses a part
 impl Run {
     /// Stdout as the one JSON object that it must be.
     pub(crate) fn json(&self) -> serde_json::Value {
@@ -56,7 +56,6 @@ pub(crate) fn shipped(name: &str) -> String {
 }
 
 /// A fresh folder, removed when dropped.
-#[allow(dead_code)] // every test file uses a part
 pub(crate) fn folder() -> tempfile::TempDir {
     tempfile::tempdir().unwrap()
 }

@@ -6,7 +6,7 @@ use nngtl::nn::inputs::Inputs;
 use nngtl::nn::program::{
     Activation, ConstantId, Edges, Extent, Map, Matrix, Op, Program, Sign, Source, Window,
 };
-use nngtl::nn::weights::transposed_weights;
+use nngtl::nn::weights::{conv_weights, transposed_weights};
 use serde_json::Value;
 
 /// Per square root of the number of products in a sum: five times what f32 sums of such inputs
@@ -255,7 +255,9 @@ impl Builder<'_> {
             self.number("out"),
         );
         let depth = x.channels * window.kernel * window.kernel;
-        let (weight, bias) = (self.constant(2, out * depth), self.constant(3, out));
+        let given = values(2, out * depth);
+        let weight = conv_weights(&given, &vec![1.0; out], x.channels, window.kernel);
+        let (weight, bias) = (self.program.constant(weight), self.constant(3, out));
         let (height, width) = (window.reduced(x.height), window.reduced(x.width));
         let residual = self
             .flag("residual")

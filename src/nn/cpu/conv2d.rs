@@ -2,13 +2,14 @@
 
 use super::math::finish;
 use super::matmul::{Operand, matmul};
+use super::shifted::{Padded, Tap, sum_of_taps};
 use super::views::{MatMut, Planes, PlanesMut, Scratch, at_least};
 use crate::nn::program::{Activation, Window};
 
 /// Values of unfolded input that are worked on at a time: half a megabyte stays in a core's own cache.
-pub(super) const PANEL: usize = 128 * 1024;
+const PANEL: usize = 128 * 1024;
 
-/// The weights of a convolution: `weight` (out, in · kernel · kernel), `bias` (out).
+/// The weights of a convolution: `weight` (out, kernel · kernel, in), `bias` (out).
 #[derive(Clone, Copy, Debug)]
 pub struct Kernel<'a> {
     /// The weights, in the layout of the operation.
@@ -21,8 +22,100 @@ pub struct Kernel<'a> {
     pub activation: Activation,
 }
 
-/// `y = activation(weight ∗ x + bias + residual)`, as products with unfolded strips of the input.
+/// With fewer input channels than this, products per tap are too thin and the input is unfolded.
+const FEW_CHANNELS: usize = 8;
+
+/// `y = activation(weight ∗ x + bias + residual)`.
 pub fn conv2d(
+    x: Planes<'_>,
+    k: &Kernel<'_>,
+    residual: Option<Planes<'_>>,
+    y: PlanesMut<'_>,
+    scratch: &mut Scratch,
+) {
+    if k.window == Window::new(1, 1, 0) || x.channels < FEW_CHANNELS {
+        unfolded(x, k, residual, y, scratch);
+    } else {
+        shifted(x, k, residual, y, scratch);
+    }
+}
+
+/// As a sum over taps of products with shifted views of the input.
+fn shifted(
+    x: Planes<'_>,
+    k: &Kernel<'_>,
+    residual: Option<Planes<'_>>,
+    y: PlanesMut<'_>,
+    scratch: &mut Scratch,
+) {
+    let Window {
+        kernel,
+        stride,
+        padding,
+    } = k.window;
+    let reach = k.window.taps() - 1;
+    let padded = Padded {
+        channels: x.channels,
+        height: y.height + reach,
+        width: y.width + reach,
+        stride,
+        padding,
+        phases: kernel.min(stride),
+    };
+    let Scratch {
+        panel,
+        tile,
+        threads,
+    } = scratch;
+    let planes = at_least(panel, padded.len());
+    padded.fill(x, planes);
+    let taps = || {
+        (0..kernel * kernel).map(|tap| {
+            let (ky, kx) = (tap / kernel, tap % kernel);
+            let weight = Operand {
+                data: &k.weight[tap * x.channels..],
+                row_stride: kernel * kernel * x.channels,
+                column_stride: 1,
+            };
+            Tap {
+                phase: [ky % stride, kx % stride],
+                shift: [ky / stride, kx / stride],
+                weight,
+            }
+        })
+    };
+    let (cells, strip) = (y.height * y.width, padded.strip(y.channels));
+    for first in (0..y.height).step_by(strip) {
+        let rows = strip.min(y.height - first);
+        let tile = at_least(tile, y.channels * rows * padded.width);
+        sum_of_taps(
+            &padded,
+            planes,
+            taps(),
+            [first, rows, y.channels],
+            tile,
+            *threads,
+        );
+        for (line, values) in tile.chunks_exact(padded.width).enumerate() {
+            let (channel, row) = (line / rows, first + line % rows);
+            let at = channel * cells + row * y.width;
+            let to = &mut y.data[at..at + y.width];
+            to.copy_from_slice(&values[..y.width]);
+            add(to, residual, at);
+            finish(to, k.bias[channel], k.activation);
+        }
+    }
+}
+
+fn add(values: &mut [f32], residual: Option<Planes<'_>>, at: usize) {
+    if let Some(residual) = residual {
+        let other = &residual.data[at..at + values.len()];
+        values.iter_mut().zip(other).for_each(|(v, r)| *v += r);
+    }
+}
+
+/// As products with unfolded strips of the input.
+fn unfolded(
     x: Planes<'_>,
     k: &Kernel<'_>,
     residual: Option<Planes<'_>>,
@@ -49,27 +142,18 @@ pub fn conv2d(
             columns,
             stride: cells,
         };
-        matmul(
-            out,
-            Operand::new(k.weight, depth),
-            unfolded,
-            depth,
-            false,
-            scratch.threads,
-        );
+        let weight = Operand::new(k.weight, depth);
+        matmul(out, weight, unfolded, depth, false, scratch.threads);
         for channel in 0..y.channels {
             let at = channel * cells + begin;
             let values = &mut y.data[at..at + columns];
-            if let Some(residual) = residual {
-                let other = &residual.data[at..at + columns];
-                values.iter_mut().zip(other).for_each(|(v, r)| *v += r);
-            }
+            add(values, residual, at);
             finish(values, k.bias[channel], k.activation);
         }
     }
 }
 
-/// Writes for each (channel, tap) the input that the tap meets in `rows` rows of the output.
+/// Writes for each (tap, channel) the input that the tap meets in `rows` rows of the output.
 fn unfold(
     x: Planes<'_>,
     window: Window,
@@ -84,10 +168,10 @@ fn unfold(
         padding,
     } = window;
     let mut lines = panel.chunks_exact_mut(width.max(1));
-    for channel in 0..x.channels {
-        let plane = x.channel(channel);
-        for tap in 0..kernel * kernel {
-            let (ky, kx) = (tap / kernel, tap % kernel);
+    for tap in 0..kernel * kernel {
+        let (ky, kx) = (tap / kernel, tap % kernel);
+        for channel in 0..x.channels {
+            let plane = x.channel(channel);
             for oy in first..first + rows {
                 let Some(line) = lines.next() else { return };
                 let row = (oy * stride + ky)

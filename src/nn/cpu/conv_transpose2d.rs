@@ -1,10 +1,10 @@
 //! Transposed convolution.
 
-use super::conv2d::{Kernel, PANEL, copy_line};
+use super::conv2d::Kernel;
 use super::math::finish;
-use super::matmul::{Operand, matmul};
-use super::views::{MatMut, Planes, PlanesMut, Scratch, at_least};
-use crate::nn::program::Window;
+use super::matmul::Operand;
+use super::shifted::{Padded, Tap, sum_of_taps};
+use super::views::{Planes, PlanesMut, Scratch, at_least};
 
 /// `y = activation(transposed convolution of x + bias)`.
 ///
@@ -12,64 +12,76 @@ use crate::nn::program::Window;
 /// every stride-th tap of the kernel: no product is wasted on inserted zeros and nothing is
 /// scattered. The layout of the weights is told at [`crate::nn::program::Op::ConvTranspose2d`].
 pub fn conv_transpose2d(x: Planes<'_>, k: &Kernel<'_>, y: PlanesMut<'_>, scratch: &mut Scratch) {
-    let stride = k.window.stride;
-    let taps = k.window.taps();
-    let depth = x.channels * taps * taps;
-    let widest = y.width.div_ceil(stride);
-    let strip = (PANEL / (depth * widest).max(1)).max(1);
     let PlanesMut {
         data,
         channels,
         height,
         width,
     } = y;
+    let (stride, taps) = (k.window.stride, k.window.taps());
+    let depth = x.channels * taps * taps;
+    // Residue `p` begins at input cell `ahead(p)`, and has every stride-th output cell.
+    let ahead = |residue: usize| (residue + k.window.padding) / stride;
+    let count = |residue: usize, size: usize| (size - residue).div_ceil(stride);
+    let extent = |size: usize| {
+        let ends = (0..stride.min(size)).map(|residue| count(residue, size) + ahead(residue));
+        ends.max().unwrap_or(0) + taps - 1
+    };
+    let padded = Padded {
+        channels: x.channels,
+        height: extent(height),
+        width: extent(width),
+        stride: 1,
+        padding: taps - 1,
+        phases: 1,
+    };
+    let Scratch {
+        panel,
+        tile,
+        threads,
+    } = scratch;
+    let planes = at_least(panel, padded.len());
+    padded.fill(x, planes);
+    let strip = padded.strip(stride * channels);
     for residue in 0..stride.min(height) {
-        let lines = (height - residue).div_ceil(stride);
+        let lines = count(residue, height);
         for first in (0..lines).step_by(strip) {
             let rows = strip.min(lines - first);
-            let tile = channels * rows * widest;
+            let part = channels * rows * padded.width;
+            let tile = at_least(tile, stride * part);
             for column in 0..stride.min(width) {
-                let columns = (width - column).div_ceil(stride);
-                let part = Part {
-                    window: k.window,
-                    residues: [residue, column],
-                    first,
-                    rows,
-                    columns,
-                };
-                let panel = at_least(&mut scratch.panel, depth * rows * columns);
-                part.unfold(x, panel);
-                let weight =
-                    &k.weight[(residue * stride + column) * channels * depth..][..channels * depth];
-                let out = &mut at_least(&mut scratch.tile, stride * tile)[column * tile..];
-                let out = MatMut {
-                    data: out,
-                    rows: channels,
-                    columns: rows * columns,
-                    stride: rows * widest,
-                };
-                let b = Operand::new(panel, rows * columns);
-                matmul(
-                    out,
-                    Operand::new(weight, depth),
-                    b,
-                    depth,
-                    false,
-                    scratch.threads,
+                let weight = &k.weight[(residue * stride + column) * channels * depth..];
+                let taps = (0..taps * taps).map(|tap| Tap {
+                    phase: [0, 0],
+                    // Later taps meet earlier cells.
+                    shift: [
+                        ahead(residue) + taps - 1 - tap / taps,
+                        ahead(column) + taps - 1 - tap % taps,
+                    ],
+                    weight: Operand {
+                        data: &weight[tap * x.channels..],
+                        row_stride: depth,
+                        column_stride: 1,
+                    },
+                });
+                let tile = &mut tile[column * part..][..part];
+                sum_of_taps(
+                    &padded,
+                    planes,
+                    taps,
+                    [first, rows, channels],
+                    tile,
+                    *threads,
                 );
             }
-            for channel in 0..channels {
-                for r in 0..rows {
-                    let at = (channel * height + residue + stride * (first + r)) * width;
-                    let line = &mut data[at..at + width];
-                    let source = |column: usize| {
-                        let columns = (width - column).div_ceil(stride);
-                        &scratch.tile[column * tile + channel * rows * widest + r * columns..]
-                            [..columns]
-                    };
-                    interleave(line, stride, source);
-                    finish(line, k.bias[channel], k.activation);
-                }
+            for line in 0..channels * rows {
+                let (channel, row) = (line / rows, residue + stride * (first + line % rows));
+                let to = &mut data[(channel * height + row) * width..][..width];
+                let source = |column: usize| {
+                    &tile[column * part + line * padded.width..][..count(column, width)]
+                };
+                interleave(to, stride, source);
+                finish(to, k.bias[channel], k.activation);
             }
         }
     }
@@ -95,39 +107,5 @@ fn interleave<'a>(line: &mut [f32], stride: usize, source: impl Fn(usize) -> &'a
             .step_by(stride)
             .zip(source(column))
             .for_each(|(to, &v)| *to = v);
-    }
-}
-
-/// The output cells of one pair of residues in some rows.
-struct Part {
-    window: Window,
-    residues: [usize; 2],
-    first: usize,
-    rows: usize,
-    columns: usize,
-}
-
-impl Part {
-    /// Writes for each (channel, tap) the input that the tap meets in these output cells.
-    fn unfold(&self, x: Planes<'_>, panel: &mut [f32]) {
-        let taps = self.window.taps();
-        let [qy, qx] = self
-            .residues
-            .map(|r| (r + self.window.padding) / self.window.stride);
-        let mut lines = panel.chunks_exact_mut(self.columns.max(1));
-        for channel in 0..x.channels {
-            let plane = x.channel(channel);
-            for tap in 0..taps * taps {
-                let (ty, tx) = (tap / taps, tap % taps);
-                for n in self.first..self.first + self.rows {
-                    let Some(line) = lines.next() else { return };
-                    let row = (qy + n).checked_sub(ty).filter(|&iy| iy < x.height);
-                    match row {
-                        Some(iy) => copy_line(&plane[iy * x.width..][..x.width], qx, 1, tx, line),
-                        None => line.fill(0.0),
-                    }
-                }
-            }
-        }
     }
 }

@@ -7,7 +7,7 @@ use super::views::{Mat, MatMut};
 const MULTIPLY_ADDS_PER_THREAD: usize = 40_000_000;
 
 /// A matrix operand: element (i, j) is `data[i * row_stride + j * column_stride]`.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct Operand<'a> {
     /// The values.
     pub data: &'a [f32],

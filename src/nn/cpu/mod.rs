@@ -13,6 +13,7 @@ mod moves;
 mod pool;
 mod regions;
 mod session;
+mod shifted;
 mod views;
 
 pub use conv_transpose2d::conv_transpose2d;

@@ -1,28 +1,34 @@
 //! Operations that move values without arithmetic, or nearly so.
 
-use super::views::{Mat, MatMut, Planes, PlanesMut};
+use super::views::{Mat, MatMut, Planes, PlanesMut, Scratch, at_least};
 
 /// Bilinear interpolation, `align_corners = false`: cell `i` of the output has its centre at
 /// `(i + ½)·in/out − ½` of the input, and the border's values go on outside.
-pub fn upsample(x: Planes<'_>, y: PlanesMut<'_>) {
+pub fn upsample(x: Planes<'_>, y: PlanesMut<'_>, scratch: &mut Scratch) {
     let (down, across) = (Axis::new(x.height, y.height), Axis::new(x.width, y.width));
+    let wide = at_least(&mut scratch.tile, x.height * y.width);
     for (channel, plane) in y
         .data
         .chunks_exact_mut((y.height * y.width).max(1))
         .enumerate()
     {
+        // Along the rows first, once for every row of the input.
         let from = x.channel(channel);
+        for j in 0..y.width {
+            let (j0, j1, share) = across.at(j);
+            let column = wide[j..].iter_mut().step_by(y.width);
+            for (row, to) in from.chunks_exact(x.width).zip(column) {
+                *to = row[j0] + (row[j1] - row[j0]) * share;
+            }
+        }
         for (i, line) in plane.chunks_exact_mut(y.width).enumerate() {
-            let (i0, i1, u) = down.at(i);
+            let (i0, i1, share) = down.at(i);
             let (upper, lower) = (
-                &from[i0 * x.width..][..x.width],
-                &from[i1 * x.width..][..x.width],
+                &wide[i0 * y.width..][..y.width],
+                &wide[i1 * y.width..][..y.width],
             );
-            for (j, to) in line.iter_mut().enumerate() {
-                let (j0, j1, v) = across.at(j);
-                let a = upper[j0] + (upper[j1] - upper[j0]) * v;
-                let b = lower[j0] + (lower[j1] - lower[j0]) * v;
-                *to = a + (b - a) * u;
+            for ((to, &a), &b) in line.iter_mut().zip(upper).zip(lower) {
+                *to = a + (b - a) * share;
             }
         }
     }

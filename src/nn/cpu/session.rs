@@ -203,7 +203,7 @@ impl Session {
             Op::Paint { mask, colour, y } => {
                 paint(self.planes(mask), self.read(colour), planes_mut(out, y));
             }
-            Op::Upsample { x, y } => upsample(self.planes(x), planes_mut(out, y)),
+            Op::Upsample { x, y } => upsample(self.planes(x), planes_mut(out, y), scratch),
             Op::Broadcast { x, add, y } => broadcast(self.read(x).row(0), add, planes_mut(out, y)),
             Op::RepeatRow { x, y } | Op::CopyRows { x, y } => {
                 copy_rows(self.read(x), mat_mut(out, y, size));

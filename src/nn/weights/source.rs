@@ -137,7 +137,7 @@ impl<'a> TensorSource<'a> {
         }
     }
 
-    /// A convolution's weights (out, in · kernel · kernel) and bias (out), with its norm folded in.
+    /// A convolution's weights (out, kernel · kernel, in) and bias (out), with its norm folded in.
     ///
     /// The tensors are `{name}.weight` and what `norm` says (`{name}.bias` without one).
     pub fn conv(
@@ -150,13 +150,10 @@ impl<'a> TensorSource<'a> {
     ) -> (ConstantId, ConstantId) {
         let weight = self.take(&format!("{name}.weight"), &[out, inputs, kernel, kernel]);
         let (factor, addend) = self.affine(norm, &format!("{name}.bias"), out);
-        let mut values = weight.map_or_else(Vec::new, |t| t.values.clone());
-        for (row, &f) in values
-            .chunks_exact_mut((inputs * kernel * kernel).max(1))
-            .zip(&factor)
-        {
-            row.iter_mut().for_each(|w| *w *= f);
-        }
+        let values = match weight {
+            Some(t) if factor.len() == out => conv_weights(&t.values, &factor, inputs, kernel),
+            _ => Vec::new(),
+        };
         (program.constant(values), program.constant(addend))
     }
 
@@ -318,8 +315,25 @@ fn side_by_side(parts: &[Option<&Tensor>], rows: usize, factor: f32) -> Vec<f32>
         .collect()
 }
 
+/// PyTorch's weights of a convolution, (out, in, kernel, kernel), times a factor per output
+/// channel, as (out, kernel · kernel, in): the layout of
+/// [`Op::Conv2d`](crate::nn::program::Op::Conv2d).
+///
+/// # Panics
+/// If `weight` is shorter than its shape.
+#[must_use]
+pub fn conv_weights(weight: &[f32], factor: &[f32], inputs: usize, kernel: usize) -> Vec<f32> {
+    let taps = kernel * kernel;
+    let mut values = Vec::with_capacity(weight.len());
+    for (row, &scale) in weight.chunks_exact((inputs * taps).max(1)).zip(factor) {
+        let of_tap = |tap| (0..inputs).map(move |i| row[i * taps + tap] * scale);
+        values.extend((0..taps).flat_map(of_tap));
+    }
+    values
+}
+
 /// PyTorch's weights of a transposed convolution, (in, out, kernel, kernel), times a factor per
-/// output channel, as (stride, stride, out, in, taps, taps): the layout of
+/// output channel, as (stride, stride, out, taps · taps, in): the layout of
 /// [`Op::ConvTranspose2d`](crate::nn::program::Op::ConvTranspose2d).
 ///
 /// # Panics
@@ -341,14 +355,14 @@ pub fn transposed_weights(
     let mut values = Vec::with_capacity(stride * stride * out * inputs * taps * taps);
     for residue in 0..stride * stride {
         for (o, &scale) in factor.iter().enumerate() {
-            for i in 0..inputs {
-                for tap in 0..taps * taps {
-                    let y = entry(residue / stride, tap / taps);
-                    let x = entry(residue % stride, tap % taps);
-                    let inside = y < kernel && x < kernel;
+            for tap in 0..taps * taps {
+                let y = entry(residue / stride, tap / taps);
+                let x = entry(residue % stride, tap % taps);
+                let inside = y < kernel && x < kernel;
+                values.extend((0..inputs).map(|i| {
                     let at = ((i * out + o) * kernel + y) * kernel + x;
-                    values.push(if inside { weight[at] * scale } else { 0.0 });
-                }
+                    if inside { weight[at] * scale } else { 0.0 }
+                }));
             }
         }
     }

@@ -1,6 +1,9 @@
 //! Random formulas on random grids: every transferred plan passes the independent checker, also with a
 //! library whose map has changed, and costs converge to the optimum of the product.
 
+// Shown when a test fails; the types stand where they are used once.
+#![allow(clippy::print_stdout, clippy::type_complexity)]
+
 use std::sync::Arc;
 
 use nalgebra::Point2;

@@ -200,8 +200,7 @@ impl Grid {
         let k = self.nearest_cell(p);
         let near = centre_of(&self.map, self.cell, k / self.rows, k % self.rows);
         let off = (near - p).norm();
-        // Not `>`: a start that is not a number must fail too.
-        if !(off <= FIT * self.cell) {
+        if off.is_nan() || off > FIT * self.cell {
             return Err(GridError::OffCentre {
                 x: p.x,
                 y: p.y,
@@ -266,8 +265,8 @@ impl Grid {
                 }
             });
         }
-        for k in 0..self.spots.len() {
-            if reached[k] && self.parts[k] == u32::MAX {
+        for (k, reached) in reached.into_iter().enumerate() {
+            if reached && self.parts[k] == u32::MAX {
                 self.mark_part(k);
             }
         }

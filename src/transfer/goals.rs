@@ -92,12 +92,6 @@ impl Goals {
         }
         best
     }
-
-    #[cfg(test)]
-    pub(crate) fn acc_of(&self, node: NodeId) -> Option<NodeId> {
-        let acc = self.acc[node.index()];
-        (acc != NONE).then_some(NodeId(acc))
-    }
 }
 
 /// Whether the automaton can step from one node's state to the other's on a letter.

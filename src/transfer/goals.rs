@@ -99,3 +99,105 @@ fn steps(task: &Task, tree: &Tree<'_>, from: NodeId, letter: Letter, to: NodeId)
     let guard = task.nba.guard(tree.state(from), tree.state(to));
     guard.is_some_and(|g| g.contains(letter))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::automaton::{Limits, Task};
+    use crate::ltl::Formula;
+    use crate::random::generator;
+    use crate::system::Grid;
+    use crate::transfer::build::one_move_away;
+    use crate::workspace::{Bounds, Polygon, Region, Workspace};
+
+    fn grid() -> Grid {
+        let cell = |x: f64, y: f64| {
+            Polygon::rectangle(Point2::new(x, y), Point2::new(x + 0.1, y + 0.1)).unwrap()
+        };
+        let region = |name: &str, polygon| Region {
+            name: name.to_owned(),
+            polygon,
+        };
+        let map = Workspace::new(
+            Bounds::unit(),
+            vec![cell(0.4, 0.4), cell(0.5, 0.5), cell(0.2, 0.7)],
+            vec![region("a", cell(0.8, 0.1)), region("b", cell(0.1, 0.8))],
+        );
+        let start = Point2::new(0.05, 0.05);
+        Grid::new(Arc::new(map.unwrap()), [10, 10], 0.1, start).unwrap()
+    }
+
+    /// The links agree with a walk to the root for every node, after every growth and however often
+    /// paths changed above it; the paper's simplification fails this.
+    #[test]
+    fn links_are_right_after_any_rewiring() {
+        let grid = grid();
+        let formula: Formula = "GF a & GF b & G(a -> X(!a U b))".parse().unwrap();
+        let letters = Arc::clone(grid.alphabet());
+        let task = Task::from_formula(&formula, letters, &Limits::default()).unwrap();
+        for seed in 0..4 {
+            let mut random = generator(seed, 0);
+            let mut tree = Tree::new(&grid, &task.nba, grid.start(), &task.nba.initial);
+            let (mut goals, mut touched) = (Goals::default(), Vec::new());
+            let mut with_goals = 0;
+            for _ in 0..250 {
+                if let Some(spot) = one_move_away(&grid, &tree, &mut random) {
+                    tree.extend(spot, 1.0, &[]);
+                }
+                tree.take_touched(&mut touched);
+                goals.update(&task, &tree, &touched);
+                with_goals = 0;
+                for node in task.nba.states().flat_map(|q| tree.in_state(q).to_vec()) {
+                    let accepts = |n: &NodeId| task.nba.is_accepting(tree.state(*n));
+                    let above = std::iter::successors(Some(node), |&n| tree.parent(n));
+                    let expected = above.clone().find(accepts);
+                    assert_eq!(goals.acc_of(node), expected);
+                    with_goals += usize::from(expected.is_some());
+                }
+            }
+            tree.check(&grid, &task.nba);
+            assert!(with_goals > 10, "{with_goals}");
+        }
+    }
+
+    /// Every closure is a cycle of the product that accepts, of the length that is stated.
+    #[test]
+    fn closures_are_accepting_cycles() {
+        let grid = grid();
+        let formula: Formula = "GF a & GF b".parse().unwrap();
+        let letters = Arc::clone(grid.alphabet());
+        let task = Task::from_formula(&formula, letters, &Limits::default()).unwrap();
+        let mut random = generator(9, 0);
+        let mut tree = Tree::new(&grid, &task.nba, grid.start(), &task.nba.initial);
+        let (mut goals, mut touched) = (Goals::default(), Vec::new());
+        for _ in 0..60 {
+            if let Some(spot) = one_move_away(&grid, &tree, &mut random) {
+                tree.extend(spot, 1.0, &[]);
+            }
+        }
+        tree.take_touched(&mut touched);
+        goals.update(&task, &tree, &touched);
+        let mut found = 0;
+        for node in task.nba.states().flat_map(|q| tree.in_state(q).to_vec()) {
+            let Some(c) = goals.close(&grid, &task, &tree, node, f64::INFINITY) else {
+                continue;
+            };
+            found += 1;
+            let mut cycle = vec![c.mid];
+            cycle.extend(
+                std::iter::successors(Some(c.last), |&n| tree.parent(n))
+                    .take_while(|&n| n != c.mid),
+            );
+            assert!(cycle.iter().any(|&n| task.nba.is_accepting(tree.state(n))));
+            let (last, mid) = (tree.spot(c.last), tree.spot(c.mid));
+            assert!(grid.step(&last, &mid));
+            let length = tree.cost(c.last) - tree.cost(c.mid) + grid.distance(last.at, mid.at);
+            assert!((length - c.length).abs() < 1e-12);
+        }
+        assert!(found > 0);
+    }
+}

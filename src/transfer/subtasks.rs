@@ -307,3 +307,82 @@ impl fmt::Display for Position {
         write!(f, "{}{outside}", self.place.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use nalgebra::Point2;
+
+    use super::*;
+    use crate::automaton::{Limits, Task};
+    use crate::system::{Continuous, TransitionSystem};
+    use crate::workspace::{Bounds, Polygon, Region, Workspace};
+
+    fn graph(formula: &str, equivalence: Equivalence) -> SubtaskGraph {
+        let square = |x: f64, y: f64| {
+            Polygon::rectangle(Point2::new(x, y), Point2::new(x + 0.1, y + 0.1)).unwrap()
+        };
+        let regions = [
+            ("a", square(0.7, 0.1)),
+            ("b", square(0.1, 0.7)),
+            ("c", square(0.7, 0.7)),
+        ];
+        let regions = regions.map(|(name, polygon)| Region {
+            name: name.to_owned(),
+            polygon,
+        });
+        let map = Workspace::new(Bounds::unit(), vec![], regions.to_vec()).unwrap();
+        let system = Continuous::new(Arc::new(map), Point2::new(0.1, 0.1)).unwrap();
+        let formula = formula.parse().unwrap();
+        let letters = Arc::clone(system.alphabet());
+        let task = Task::from_formula(&formula, letters, &Limits::default()).unwrap();
+        let places = Places::new(&system, system.start());
+        assert_eq!(places.len(), 4);
+        SubtaskGraph::new(&task.nba, &places, PlaceId::START, equivalence)
+    }
+
+    #[test]
+    fn a_patrol_has_six_subtasks_as_in_the_paper() {
+        let graph = graph("G(F a & F b)", Equivalence::None);
+        assert_eq!(graph.len(), 6);
+        // Two of them go from one of the regions to the other and are left in different states, and
+        // one stays.
+        assert_eq!(graph.subtasks.iter().filter(|s| s.is_stay()).count(), 1);
+        assert!(graph.subtasks.iter().all(|s| s.from != s.to));
+    }
+
+    #[test]
+    fn equivalent_subtasks_are_left_out_but_what_follows_them_is_not() {
+        let mission = "F a & F b & F c";
+        let (all, some) = (
+            graph(mission, Equivalence::None),
+            graph(mission, Equivalence::Match),
+        );
+        assert!(some.len() < all.len());
+        // All pairs of the three regions and the start, whatever was left out on the way.
+        let mut pairs: Vec<(u32, u32)> = some
+            .subtasks
+            .iter()
+            .map(|s| (s.from.position.place.0, s.to.position.place.0))
+            .map(|(a, b)| (a.min(b), a.max(b)))
+            .filter(|(a, b)| a != b)
+            .collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        assert_eq!(pairs, [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]);
+    }
+
+    #[test]
+    fn positions_print_for_logs() {
+        let at = Position::at(PlaceId(2));
+        let outside = Position {
+            outside: true,
+            ..at
+        };
+        assert_eq!(
+            (at.to_string(), outside.to_string()),
+            ("2".into(), "2+".into())
+        );
+    }
+}

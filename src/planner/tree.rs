@@ -78,7 +78,7 @@ pub struct Tree<'a> {
     /// Places one move away, in systems of finitely many places.
     moves: Vec<Spot>,
     /// For each automaton state, the cheapest way into it so far (see `reachable_states`).
-    ways: Vec<(f64, NodeId)>,
+    ways: Vec<(f64, NodeId, f64)>,
     stack: Vec<(NodeId, f64)>,
 }
 
@@ -298,7 +298,10 @@ impl<'a> Tree<'a> {
                 .index
                 .at(spot.at)
                 .unwrap_or_else(|| self.add_site(spot));
-            for (state, cost, parent) in reached {
+            for (state, parent, distance) in reached {
+                // A place that was in the tree already: connecting it in one state may have made the
+                // parent of the next cheaper, so costs are read here.
+                let cost = self.cost(parent) + distance;
                 self.connect(site, state, cost, parent.0);
             }
             self.settle_states(site);
@@ -364,35 +367,36 @@ impl<'a> Tree<'a> {
     }
 
     /// Steps 4 and 5: the automaton states in which `spot` can be reached, each with its least
-    /// cost and the node that gives it. Moves are checked only where they would be the cheapest so
-    /// far: neighbours come in the order of their bounds.
+    /// cost: from which node, and how far from it; cheapest first. Moves are checked only where they
+    /// would be the cheapest so far: neighbours come in the order of their bounds.
     fn reachable_states(
         &mut self,
         spot: &Spot,
         neighbours: &mut [Neighbour],
-    ) -> SmallVec<[(StateId, f64, NodeId); 8]> {
+    ) -> SmallVec<[(StateId, NodeId, f64); 8]> {
         let mut ways = std::mem::take(&mut self.ways);
         ways.clear();
-        ways.resize(self.nba.len(), (f64::INFINITY, NodeId(NONE)));
+        ways.resize(self.nba.len(), (f64::INFINITY, NodeId(NONE), 0.0));
         for neighbour in neighbours {
             let site = &self.sites[neighbour.site.0 as usize];
             for &(state, node) in &site.nodes {
                 let cost = self.cost(node) + neighbour.distance;
                 for target in self.nba.successors(state, site.spot.letter) {
                     if ways[target.index()].0 > cost && self.is_visible(neighbour, spot) {
-                        ways[target.index()] = (cost, node);
+                        ways[target.index()] = (cost, node, neighbour.distance);
                     }
                 }
             }
         }
-        let mut best: SmallVec<[(StateId, f64, NodeId); 8]> = self
+        let way = |q: StateId| ways[q.index()];
+        let mut best: SmallVec<[(StateId, NodeId, f64); 8]> = self
             .nba
             .states()
-            .map(|q| (q, ways[q.index()].0, ways[q.index()].1))
-            .filter(|(_, cost, _)| cost.is_finite())
+            .filter(|&q| way(q).0.is_finite())
+            .map(|q| (q, way(q).1, way(q).2))
             .collect();
+        best.sort_by(|a, b| way(a.0).0.total_cmp(&way(b.0).0).then(a.0.cmp(&b.0)));
         self.ways = ways;
-        best.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
         best
     }
 

@@ -265,16 +265,24 @@ impl<'a> Tree<'a> {
         }
     }
 
-    /// Makes `(spot, state)` a root too: a place where the path may begin.
-    pub(crate) fn add_root(&mut self, spot: Spot, state: StateId) {
+    /// Makes `(spot, state)` a root too, a place where the path may begin at the given cost, unless it is
+    /// reached more cheaply already.
+    pub(crate) fn add_root(&mut self, spot: Spot, state: StateId, cost: f64) {
         let site = self.site_for(spot);
         match self.node_at(site, state) {
             None => {
-                self.add_node(site, state, 0.0, NONE);
+                self.add_node(site, state, cost, NONE);
             }
-            Some(old) if self.cost(old) > 0.0 => self.reparent(old, NodeId(NONE), 0.0),
+            Some(old) if improves(cost, self.cost(old)) => {
+                self.reparent(old, NodeId(NONE), cost);
+            }
             Some(_) => {}
         }
+    }
+
+    /// The node of a place in an automaton state, if the tree holds it.
+    pub(crate) fn find(&self, at: Point2<f64>, state: StateId) -> Option<NodeId> {
+        self.node_at(self.index.at(at)?, state)
     }
 
     /// Extend and Rewire (`nngtl.md`, III-A, steps 3 to 6): connects `spot` in every automaton

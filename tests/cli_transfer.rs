@@ -1,0 +1,185 @@
+//! The program itself, on libraries of skills: build, look at, merge, plan with, learn, repair.
+
+mod cli;
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use cli::{Run, folder, nngtl, shipped};
+use nngtl::plan::PlanFile;
+
+fn run(words: &[&str]) -> Run {
+    nngtl(words)
+}
+
+fn done(words: &[&str]) -> Run {
+    let run = run(words);
+    assert_eq!(run.code, 0, "{words:?}: {run:?}");
+    run
+}
+
+/// The path of a file in a folder, as text.
+fn file(folder: &tempfile::TempDir, name: &str) -> String {
+    folder.path().join(name).display().to_string()
+}
+
+/// A library of the paper's map, built from a mission over these regions.
+fn build(task: &str, out: &str) {
+    let grid = shipped("transfer-grid.toml");
+    done(&[
+        "library", "build", &grid, "--task", task, "--out", out, "-q",
+    ]);
+}
+
+#[test]
+fn a_library_is_built_shown_merged_and_reused() {
+    let folder = folder();
+    let grid = shipped("transfer-grid.toml");
+    let (left, right, both) = (
+        file(&folder, "left.library"),
+        file(&folder, "right.library"),
+        file(&folder, "both.library"),
+    );
+    build("F r1 & F r2", &left);
+    build("F r2 & F r3", &right);
+    done(&["library", "merge", &left, &right, "--out", &both]);
+    // start–r1, start–r2, r1–r2; start–r2, start–r3, r2–r3. Of two skills for the same pair both stay if
+    // the cheaper one passes more.
+    for (library, pairs) in [(&left, 3), (&right, 3), (&both, 5)] {
+        let shown = done(&["library", "show", library, "--json"]).json();
+        let skills = shown["library"]["skills"].as_array().unwrap();
+        let ends = |skill: &serde_json::Value| {
+            let path = skill["path"].as_array().unwrap();
+            let mut ends = [path[0].to_string(), path[path.len() - 1].to_string()];
+            ends.sort_unstable();
+            ends
+        };
+        let found: BTreeSet<_> = skills.iter().map(ends).collect();
+        assert_eq!(found.len(), pairs, "{shown}");
+    }
+    let png = file(&folder, "library.png");
+    done(&["library", "show", &both, "--scenario", &grid, "--png", &png]);
+    assert!(std::fs::read(&png).unwrap().starts_with(b"\x89PNG"));
+
+    let (plan, svg) = (file(&folder, "plan.json"), file(&folder, "plan.svg"));
+    let task = "GF r1 & GF r2 & GF r3";
+    let words = [
+        "transfer",
+        &grid,
+        "--task",
+        task,
+        "--library",
+        &both,
+        "--first",
+    ];
+    let told = done(&[&words[..], &["--out", &plan, "--svg", &svg]].concat());
+    assert!(told.out.contains("planned and verified"), "{told:?}");
+    assert!(told.out.contains("legs are reused"), "{told:?}");
+    assert!(
+        std::fs::read_to_string(&svg)
+            .unwrap()
+            .contains("reused skill")
+    );
+    done(&["verify", &grid, &plan, "--task", task]);
+}
+
+#[test]
+fn a_library_learns_what_a_plan_found() {
+    let folder = folder();
+    let grid = shipped("transfer-grid.toml");
+    let library = file(&folder, "some.library");
+    build("F r1 & F r2", &library);
+    let count = || {
+        let shown = done(&["library", "show", &library, "--json"]).json();
+        shown["library"]["skills"].as_array().map_or(0, Vec::len)
+    };
+    let before = count();
+    let task = "GF r1 & GF r5";
+    let words = ["transfer", &grid, "--task", task, "--library", &library];
+    let more = ["--iterations", "400", "--learn", "--json"];
+    let first = done(&[&words[..], &more].concat()).json();
+    assert!(count() > before);
+    let again = done(&[&words[..], &more].concat()).json();
+    let matched = |run: &serde_json::Value| run["reuse"]["matched"].as_u64().unwrap();
+    assert!(matched(&again) > matched(&first), "{first} {again}");
+}
+
+#[test]
+fn a_plan_is_repaired_when_an_obstacle_appears_on_its_way() {
+    let folder = folder();
+    let grid = shipped("transfer-grid.toml");
+    let (library, plan, repaired) = (
+        file(&folder, "l.library"),
+        file(&folder, "plan.json"),
+        file(&folder, "repaired.json"),
+    );
+    build("F r1 & F r2", &library);
+    let task = "GF r1 & GF r2";
+    let words = ["transfer", &grid, "--task", task, "--library", &library];
+    done(&[&words[..], &["--first", "--out", &plan, "-q"]].concat());
+    let unchanged = done(&["replan", &grid, &plan, "--task", task]);
+    assert!(unchanged.out.contains("the plan still holds"));
+
+    // An obstacle on the middle of the suffix's longest leg.
+    let path = PlanFile::read(Path::new(&plan)).unwrap().path();
+    let legs = path.suffix.windows(2).map(|w| (w[0].at, w[1].at));
+    let (a, b) = legs
+        .max_by(|x, y| (x.1 - x.0).norm().total_cmp(&(y.1 - y.0).norm()))
+        .unwrap();
+    let middle = nalgebra::center(&a, &b);
+    let cell = [(middle.x / 0.05).floor(), (middle.y / 0.05).floor()].map(|i| 0.05 * i);
+    let corner = |i: f64, j: f64| format!("[{:.2}, {:.2}]", cell[0] + i, cell[1] + j);
+    let (w, block) = (0.05, file(&folder, "changed.toml"));
+    let square = [(0.0, 0.0), (w, 0.0), (w, w), (0.0, w)].map(|(i, j)| corner(i, j));
+    let map = std::fs::read_to_string(&grid).unwrap();
+    let more = format!("obstacles = [\n    [{}],", square.join(", "));
+    std::fs::write(&block, map.replacen("obstacles = [", &more, 1)).unwrap();
+
+    let refused = run(&["verify", &block, &plan, "--task", task]);
+    assert_eq!(refused.code, 1, "{refused:?}");
+    let told = done(&["replan", &block, &plan, "--task", task, "--out", &repaired]);
+    assert!(told.out.contains("replaced in"), "{told:?}");
+    done(&["verify", &block, &repaired, "--task", task]);
+
+    // The library of the old map is checked skill by skill, and what is blocked is told.
+    let words = ["transfer", &block, "--task", task, "--library", &library];
+    let told = done(&[&words[..], &["--first"]].concat());
+    assert!(told.err.contains("another map"), "{told:?}");
+}
+
+#[test]
+fn damaged_and_foreign_libraries_are_refused_with_the_reason() {
+    let folder = folder();
+    let grid = shipped("transfer-grid.toml");
+    let library = file(&folder, "l.library");
+    build("F r1", &library);
+    let words = |library: &str| {
+        run(&[
+            "transfer",
+            &grid,
+            "--task",
+            "F r1",
+            "--library",
+            library,
+            "--first",
+        ])
+    };
+    let text = std::fs::read_to_string(&library).unwrap();
+    let (cut, changed, none) = (
+        file(&folder, "cut.library"),
+        file(&folder, "changed.library"),
+        file(&folder, "none.library"),
+    );
+    std::fs::write(&cut, &text[..text.len() / 2]).unwrap();
+    std::fs::write(&changed, text.replacen("0.02", "0.03", 1)).unwrap();
+    for (library, reason) in [
+        (&cut, "damaged"),
+        (&changed, "damaged"),
+        (&none, "none.library"),
+    ] {
+        let refused = words(library);
+        assert_eq!(refused.code, 2, "{refused:?}");
+        assert!(refused.err.contains(reason), "{refused:?}");
+    }
+    assert!(!Path::new(&none).exists());
+}

@@ -26,6 +26,30 @@ impl Buchi {
         (self.len(), self.edge_count())
     }
 
+    /// What better means: smaller, and of equal size with fewer transitions on the way to acceptance.
+    pub(super) fn rank(&self) -> ((usize, usize), usize) {
+        (self.size(), self.transitions_to_accept())
+    }
+
+    /// Transitions from the initial state to the nearest accepting one.
+    fn transitions_to_accept(&self) -> usize {
+        let mut seen = vec![false; self.len()];
+        let mut layer: Vec<usize> = (0..self.len().min(1)).collect();
+        for distance in 0.. {
+            if layer.is_empty() || layer.iter().any(|&q| self.accepting[q]) {
+                return distance;
+            }
+            layer.iter().for_each(|&q| seen[q] = true);
+            let targets = layer.iter().flat_map(|&q| &self.edges[q]);
+            let mut next: Vec<usize> = targets.map(|&(t, _)| t as usize).collect();
+            next.retain(|&q| !seen[q]);
+            next.sort_unstable();
+            next.dedup();
+            layer = next;
+        }
+        unreachable!("a layer without new states ends the loop")
+    }
+
     /// The same with marks: one mark, on all edges of accepting states.
     pub(super) fn to_graph(&self) -> Graph {
         let edges = self.edges.iter().zip(&self.accepting).map(|(row, &acc)| {

@@ -15,9 +15,13 @@ use super::limits::Watch;
 /// between components and never made outside accepting ones, and a mark that all edges of a state
 /// carry counts on arrival (Babiak et al., "Compositional approach to suspension and other improvements
 /// to LTL translation", SPIN 2013, section 4).
+///
+/// `skipped` marks, at most one less than there are, need not be waited for on the first round through an
+/// accepting component: any level accepts the same words, and a high one accepts sooner.
 pub(super) fn degeneralize(
     graph: &Graph,
     order: &[u32],
+    skipped: u32,
     watch: &Watch<'_>,
 ) -> Result<Buchi, TranslateError> {
     if graph.len() == 0 {
@@ -49,7 +53,7 @@ pub(super) fn degeneralize(
         }
     };
     let mut number: HashMap<(usize, u32), u32> = HashMap::new();
-    let mut queue = vec![(0, arrive(0, 0))];
+    let mut queue = vec![(0, arrive(0, skipped))];
     number.insert(queue[0], 0);
     let mut result = Buchi {
         accepting: Vec::new(),
@@ -65,7 +69,14 @@ pub(super) fn degeneralize(
             let inside = components.of[to] == components.of[q] && components.is_accepting(q);
             let next = (
                 to,
-                arrive(to, if inside { advance(from, e.marks) } else { 0 }),
+                arrive(
+                    to,
+                    if inside {
+                        advance(from, e.marks)
+                    } else {
+                        skipped
+                    },
+                ),
             );
             let target = *number.entry(next).or_insert_with(|| {
                 queue.push(next);

@@ -146,7 +146,8 @@ const SETS: (usize, usize) = (4, 64);
 /// The most edges that the negation's automaton may have to be of use.
 const NEGATION_EDGES: usize = 2_000;
 
-/// Tries several ways and takes the smallest automaton; of equal ones the first.
+/// Tries several ways and takes the smallest automaton; of equal ones that which accepts soonest, since a
+/// plan's prefix leads to acceptance.
 fn small(lowered: &mut Lowered, watch: &Watch<'_>) -> Result<Buchi, TranslateError> {
     let letters = lowered.arena.letters();
     let mut graph = tableau::build(&mut lowered.arena, lowered.formula, watch)?;
@@ -172,7 +173,7 @@ fn small(lowered: &mut Lowered, watch: &Watch<'_>) -> Result<Buchi, TranslateErr
             watch.tick()?;
         }
     }
-    let best = candidates.into_iter().min_by_key(Buchi::size);
+    let best = candidates.into_iter().min_by_key(Buchi::rank);
     Ok(best.expect("there is a candidate"))
 }
 
@@ -194,7 +195,8 @@ fn negation(lowered: &mut Lowered, watch: &Watch<'_>) -> Result<Option<Graph>, T
     Ok(Some(graph))
 }
 
-/// The smallest automaton with accepting states over the orders in which marks can be waited for.
+/// The smallest automaton with accepting states over the orders in which marks can be waited for, and
+/// whether the first round waits for all of them.
 fn accepting_states(graph: &Graph, watch: &Watch<'_>) -> Result<Buchi, TranslateError> {
     let order: Vec<u32> = (0..graph.marks).collect();
     let mut orders = vec![order.clone()];
@@ -212,11 +214,14 @@ fn accepting_states(graph: &Graph, watch: &Watch<'_>) -> Result<Buchi, Translate
     }
     let mut best: Option<Buchi> = None;
     for order in orders {
-        let mut buchi = degeneralize(graph, &order, watch)?;
-        buchi.reduce();
-        watch.tick()?;
-        if best.as_ref().is_none_or(|b| buchi.size() < b.size()) {
-            best = Some(buchi);
+        let last = (order.len() as u32).saturating_sub(1);
+        for skipped in [last, 0].into_iter().take(1 + usize::from(last > 0)) {
+            let mut buchi = degeneralize(graph, &order, skipped, watch)?;
+            buchi.reduce();
+            watch.tick()?;
+            if best.as_ref().is_none_or(|b| buchi.rank() < b.rank()) {
+                best = Some(buchi);
+            }
         }
     }
     Ok(best.expect("there is at least one order"))

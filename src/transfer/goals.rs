@@ -176,7 +176,7 @@ mod tests {
     #[test]
     fn closures_are_accepting_cycles() {
         let grid = grid();
-        let formula: Formula = "GF a & GF b".parse().unwrap();
+        let formula: Formula = "F b & GF a".parse().unwrap();
         let letters = Arc::clone(grid.alphabet());
         let task = Task::from_formula(&formula, letters, &Limits::default()).unwrap();
         let mut random = generator(9, 0);

@@ -77,7 +77,7 @@ fn convert(automaton: Automaton, limits: &Limits) -> Result<Nba, HoaErrorKind> {
     let alphabet = automaton.alphabet.clone();
     let graph = to_graph(&automaton);
     let order: Vec<u32> = (0..graph.marks).collect();
-    let buchi = degeneralize(&graph, &order, &Watch::new(limits)).map_err(|e| match e {
+    let buchi = degeneralize(&graph, &order, 0, &Watch::new(limits)).map_err(|e| match e {
         TranslateError::States { limit } => HoaErrorKind::TooLarge {
             what: "states after degeneralisation",
             limit,

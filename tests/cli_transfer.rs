@@ -117,7 +117,8 @@ fn a_plan_is_repaired_when_an_obstacle_appears_on_its_way() {
     let task = "GF r1 & GF r2";
     let words = ["transfer", &grid, "--task", task, "--library", &library];
     done(&[&words[..], &["--first", "--out", &plan, "-q"]].concat());
-    let unchanged = done(&["replan", &grid, &plan, "--task", task]);
+    // The mission is the plan's, not the scenario's.
+    let unchanged = done(&["replan", &grid, &plan]);
     assert!(unchanged.out.contains("the plan still holds"));
 
     // An obstacle on the middle of the suffix's longest leg.
@@ -137,14 +138,89 @@ fn a_plan_is_repaired_when_an_obstacle_appears_on_its_way() {
 
     let refused = run(&["verify", &block, &plan, "--task", task]);
     assert_eq!(refused.code, 1, "{refused:?}");
-    let told = done(&["replan", &block, &plan, "--task", task, "--out", &repaired]);
+    let told = done(&["replan", &block, &plan, "--out", &repaired]);
+    assert!(told.out.contains("repaired and verified"), "{told:?}");
     assert!(told.out.contains("replaced in"), "{told:?}");
     done(&["verify", &block, &repaired, "--task", task]);
+
+    // The robot stands elsewhere: there is no segment to repair.
+    let moved = file(&folder, "moved.toml");
+    let map = std::fs::read_to_string(&grid).unwrap();
+    let start = map.replacen("start = [0.025, 0.025]", "start = [0.925, 0.925]", 1);
+    std::fs::write(&moved, start).unwrap();
+    let told = done(&["replan", &moved, &plan, "--library", &library, "--first"]);
+    assert!(told.out.contains("planned anew"), "{told:?}");
 
     // The library of the old map is checked skill by skill, and what is blocked is told.
     let words = ["transfer", &block, "--task", task, "--library", &library];
     let told = done(&[&words[..], &["--first"]].concat());
     assert!(told.err.contains("another map"), "{told:?}");
+    // It is not written under the other map's name.
+    let before = std::fs::read(&library).unwrap();
+    for words in [
+        &[&words[..], &["--learn"]].concat()[..],
+        &["library", "build", &block, "--out", &library, "--extend"],
+    ] {
+        let refused = run(words);
+        assert_eq!(refused.code, 2, "{refused:?}");
+        assert!(refused.err.contains("would keep"), "{refused:?}");
+    }
+    assert_eq!(std::fs::read(&library).unwrap(), before);
+}
+
+#[test]
+fn outputs_that_cannot_be_written_are_refused_before_the_work() {
+    let folder = folder();
+    let map = file(&folder, "map.toml");
+    std::fs::copy(shipped("transfer-grid.toml"), &map).unwrap();
+    let here = folder.path().display().to_string();
+    for (out, reason) in [
+        (map.as_str(), "read as input"),
+        (here.as_str(), "it is a folder"),
+        ("/nowhere/x.library", "no such folder"),
+    ] {
+        let refused = run(&["library", "build", &map, "--out", out]);
+        assert_eq!(refused.code, 2, "{refused:?}");
+        assert!(refused.err.contains(reason), "{refused:?}");
+    }
+    let shipped = std::fs::read(shipped("transfer-grid.toml")).unwrap();
+    assert_eq!(std::fs::read(&map).unwrap(), shipped);
+}
+
+/// What is not an ordinary file is written to, not replaced.
+#[cfg(unix)]
+#[test]
+fn links_stay_links_and_devices_devices() {
+    let folder = folder();
+    let (real, link) = (file(&folder, "real.library"), file(&folder, "link.library"));
+    std::fs::write(&real, "old").unwrap();
+    std::os::unix::fs::symlink(&real, &link).unwrap();
+    build("F r1", &link);
+    assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
+    assert!(
+        std::fs::read_to_string(&real)
+            .unwrap()
+            .starts_with("nngtl-library")
+    );
+    // A pipe of our own, in place of a device.
+    let pipe = file(&folder, "pipe");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    if !made.is_ok_and(|status| status.success()) {
+        return;
+    }
+    let reader = std::thread::spawn({
+        let pipe = pipe.clone();
+        move || std::fs::read_to_string(pipe).unwrap()
+    });
+    build("F r1", &pipe);
+    assert!(reader.join().unwrap().starts_with("nngtl-library"));
+    use std::os::unix::fs::FileTypeExt;
+    assert!(
+        std::fs::symlink_metadata(&pipe)
+            .unwrap()
+            .file_type()
+            .is_fifo()
+    );
 }
 
 #[test]

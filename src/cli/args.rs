@@ -85,7 +85,7 @@ pub(super) enum Command {
 ///
 /// Reads a scenario, searches for a plan of least cost until the budget ends, checks the plan, and
 /// writes it and pictures of it where asked. Ctrl-C ends the search with the best plan so far.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 #[command(
     after_help = "Examples:\n  nngtl plan scenarios/case-study.toml --out plan.json --svg plan.svg\n  nngtl plan scenarios/patrol.toml --sampler biased --first --seed 7\n  nngtl plan scenarios/many.jsonl --pick shuttle --time-limit 2 --json"
 )]
@@ -137,7 +137,7 @@ pub(super) struct MissionArgs {
 }
 
 /// Which networks, where.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub(super) struct NetworkArgs {
     /// What runs the networks
     #[arg(long, value_enum, default_value_t, value_name = "NAME")]
@@ -492,7 +492,7 @@ pub(super) struct LibraryBuildArgs {
     /// Places to sample at most; each is offered to every subtree
     #[arg(long, value_name = "N", default_value_t = BuildSettings::default().samples)]
     pub(super) samples: u64,
-    /// Product states of all subtrees at most
+    /// End once all subtrees together hold so many product states
     #[arg(long, value_name = "N", default_value_t = BuildSettings::default().nodes)]
     pub(super) nodes: u64,
     /// Draw map and skills as SVG
@@ -546,6 +546,8 @@ pub(super) struct LibraryMergeArgs {
 ///
 /// Matches the mission's subtasks with skills, joins them to a first plan, and keeps improving until
 /// the budget ends. A library of another map is checked skill by skill and never trusted.
+///
+/// `--sampler auto` is `uniform` here: the first plan is made of skills and needs no sample.
 #[derive(Args, Debug)]
 #[command(
     after_help = "Examples:\n  nngtl transfer scenarios/transfer-grid.jsonl --pick transfer-phi4 --library skills.library --first\n  nngtl transfer scenarios/tl-rrt-star.toml --library skills.library --learn --svg plan.svg"
@@ -556,7 +558,7 @@ pub(super) struct TransferArgs {
     /// The library
     #[arg(long, value_name = "FILE")]
     pub(super) library: PathBuf,
-    /// Add what the plan learned to the library
+    /// Add what the plan learned to the library, which must be one of this very map
     #[arg(long)]
     pub(super) learn: bool,
 }
@@ -564,7 +566,8 @@ pub(super) struct TransferArgs {
 /// Repair a plan for a changed scenario
 ///
 /// Only the segments that new obstacles broke are planned again. Where that is not possible, the
-/// mission is planned anew, with the library if one is given. The whole plan is checked.
+/// mission is planned anew, with the library if one is given: that is quicker, and often cheaper. The whole plan
+/// is checked. The mission is that of the plan, unless `--task` names another.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  nngtl replan changed.toml plan.json --out repaired.json")]
 pub(super) struct ReplanArgs {

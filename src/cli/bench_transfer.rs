@@ -83,6 +83,12 @@ fn automata(args: &BenchTransferArgs) -> Result<Vec<(String, Task)>, Failure> {
     let Some(folder) = &args.hoa else {
         return Ok(Vec::new());
     };
+    if !folder.is_dir() {
+        return Err(Failure::input(format!(
+            "{}: there is no such folder",
+            folder.display()
+        )));
+    }
     let mut found = Vec::new();
     for paper in &PAPER {
         let file = folder.join(format!("{}.hoa", paper.name));

@@ -111,6 +111,11 @@ pub(super) fn seconds(s: f64) -> String {
     }
 }
 
+/// "1 skill", "2 skills".
+pub(super) fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
 /// 1 − weight, without the digits that rounding adds (1 − 0.7 is 0.30000000000000004).
 pub(super) fn rest(weight: f64) -> f64 {
     ((1.0 - weight) * 1e12).round() / 1e12

@@ -69,14 +69,42 @@ pub(super) fn heatmap_format(path: &Path) -> Result<HeatmapFormat, Failure> {
     }
 }
 
-/// Refuses output into folders that are not there, before any work is done.
+/// Refuses outputs that cannot be written, before any work is done.
 pub(super) fn check_folders<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Result<(), Failure> {
     for path in paths {
+        let cannot = |why: &str| Failure::input(format!("{}: cannot write: {why}", path.display()));
+        match std::fs::metadata(path) {
+            Ok(there) if there.is_dir() => return Err(cannot("it is a folder")),
+            Ok(there) if !there.is_file() => continue,
+            _ => {}
+        }
         let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
         if folder.is_some_and(|f| !f.is_dir()) {
+            return Err(cannot("there is no such folder"));
+        }
+        let target = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let folder = target.parent().filter(|f| !f.as_os_str().is_empty());
+        if let Err(e) = tempfile::tempfile_in(folder.unwrap_or(Path::new("."))) {
+            return Err(cannot(&format!(
+                "its folder refuses new files ({})",
+                e.kind()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses to write over what is read.
+pub(super) fn keep_inputs(inputs: &[&Path], outputs: &[&Path]) -> Result<(), Failure> {
+    let same = |a: &Path, b: &Path| match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    };
+    for &output in outputs {
+        if inputs.iter().any(|input| same(input, output)) {
             return Err(Failure::input(format!(
-                "{}: cannot write: there is no such folder",
-                path.display()
+                "{}: would be written over, but it is read as input: choose another file",
+                output.display()
             )));
         }
     }

@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use nalgebra::Point2;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::args::{LibraryBuildArgs, LibraryMergeArgs, LibraryShowArgs, SamplerName};
-use super::console::{Console, seconds};
+use super::console::{Console, count, seconds};
 use super::failure::{Failure, JSON_VERSION};
 use super::files;
 use crate::mission::{self, Options, SamplerChoice};
@@ -15,10 +15,13 @@ use crate::planner::Settings;
 use crate::render::Picture;
 use crate::scenario::Scenario;
 use crate::system::TransitionSystem;
-use crate::transfer::{BuildSettings, Library, LibraryError, LibraryFile, Loaded};
+use crate::transfer::{BuildSettings, Dropped, Library, LibraryError, LibraryFile, Loaded};
 
 /// Pixels of a PNG for each pixel of the SVG.
 const PNG_SCALE: f64 = 1.5;
+
+/// Of the skills that do not hold on a map, so many are told one by one.
+const TOLD: usize = 3;
 
 impl From<LibraryError> for Failure {
     fn from(e: LibraryError) -> Self {
@@ -41,19 +44,45 @@ pub(super) fn load(
             loaded.dropped.len()
         ));
     }
-    for dropped in &loaded.dropped {
+    for dropped in loaded.dropped.iter().take(TOLD) {
         let number = dropped.skill + 1;
         console.note(&format!(
             "{name}: skill {number} left out: {}",
             dropped.reason
         ));
     }
+    if let Some(more) = loaded.dropped.len().checked_sub(TOLD + 1) {
+        console.note(&format!(
+            "{name}: and {} left out; `nngtl library show --scenario` marks them",
+            count(more + 1, "more skill")
+        ));
+    }
     Ok(loaded)
+}
+
+/// Refuses to write a library of another map, or of another state of this one, under this map's name: its
+/// skills that do not hold here would be lost.
+pub(super) fn keep(path: &Path, loaded: &Loaded) -> Result<(), Failure> {
+    let kept = loaded.library.skills().len();
+    Err(Failure::input(format!(
+        "{}: made on another map, or another state of this one: learning here would keep {} and lose {}; build a library of this map (`nngtl library build`) and learn into that",
+        path.display(),
+        count(kept, "skill"),
+        loaded.dropped.len()
+    )))
+}
+
+/// Skills that do not hold, for programs.
+pub(super) fn dropped_json(dropped: &[Dropped]) -> Vec<Value> {
+    let told = |d: &Dropped| json!({ "skill": d.skill, "reason": d.reason.to_string() });
+    dropped.iter().map(told).collect()
 }
 
 pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Failure> {
     let outputs = [Some(&args.out), args.svg.as_ref(), args.png.as_ref()];
-    files::check_folders(outputs.into_iter().flatten().map(|p| p.as_path()))?;
+    let outputs: Vec<&Path> = outputs.into_iter().flatten().map(|p| p.as_path()).collect();
+    files::keep_inputs(&[&args.mission.scenario], &outputs)?;
+    files::check_folders(outputs)?;
     let sampler = match args.sampler {
         SamplerName::Uniform | SamplerName::Auto => SamplerChoice::Uniform,
         SamplerName::Guided => SamplerChoice::Guided,
@@ -65,7 +94,13 @@ pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Fa
     let scenario = files::scenario(&args.mission, console)?;
     let (system, _) = mission::world(&scenario)?;
     let known = match args.extend && args.out.exists() {
-        true => Some(load(&args.out, &*system, console)?.library),
+        true => {
+            let loaded = load(&args.out, &*system, console)?;
+            if !loaded.same_map {
+                keep(&args.out, &loaded)?;
+            }
+            Some(loaded.library)
+        }
         false => None,
     };
     let task = mission::task(&scenario)?;
@@ -93,7 +128,7 @@ pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Fa
     })?;
     bar.finish_and_clear();
     if stop.is_raised() {
-        console.note("interrupted: this is what was learned so far");
+        console.warn("interrupted: this is what was learned so far");
     }
     let took = began.elapsed().as_secs_f64();
     let mut library = built.library;
@@ -129,13 +164,13 @@ pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Fa
             format!("{object}\n")
         }
         false => format!(
-            "{}: {} skills join {} pairs of places\n  learned  {} of {} subtasks in {} subtrees\n  effort   {} samples, {} nodes, {}\n",
+            "{}: {} between {} of places\n  learned  {} of {} in {}\n  effort   {} samples, {} nodes, {}\n",
             args.out.display(),
-            library.skills().len(),
-            library.pairs(),
+            count(library.skills().len(), "skill"),
+            count(library.pairs(), "pair"),
             built.found,
-            built.subtasks,
-            built.subtrees,
+            count(built.subtasks, "subtask"),
+            count(built.subtrees, "subtree"),
             built.samples,
             built.nodes,
             seconds(took),
@@ -163,10 +198,7 @@ pub(super) fn show(args: &LibraryShowArgs, console: &Console) -> Result<(), Fail
     }
     if console.json() {
         let checked = checked.map(|loaded| {
-            let dropped = loaded.dropped.iter();
-            let dropped: Vec<_> = dropped
-                .map(|d| json!({ "skill": d.skill, "reason": d.reason.to_string() }))
-                .collect();
+            let dropped = dropped_json(&loaded.dropped);
             json!({ "same_map": loaded.same_map, "dropped": dropped })
         });
         let object = json!({
@@ -177,10 +209,15 @@ pub(super) fn show(args: &LibraryShowArgs, console: &Console) -> Result<(), Fail
         });
         return Ok(console.result(&format!("{object}\n"))?);
     }
+    let lost: Vec<usize> = checked
+        .iter()
+        .flat_map(|c| &c.dropped)
+        .map(|d| d.skill)
+        .collect();
     let mut text = format!(
-        "{}: {} skills over {}, map {}…\n",
+        "{}: {} over {}, map {}…\n",
         args.library.display(),
-        file.skills.len(),
+        count(file.skills.len(), "skill"),
         file.regions.join(", "),
         file.map.get(..12).unwrap_or(&file.map)
     );
@@ -192,22 +229,28 @@ pub(super) fn show(args: &LibraryShowArgs, console: &Console) -> Result<(), Fail
         let last = skill.path.len().saturating_sub(1);
         let mut passed: Vec<String> = skill.letters[1..last.max(1)]
             .iter()
+            .filter(|names| !names.is_empty())
             .map(|names| format!("{{{}}}", names.join(",")))
             .collect();
         passed.sort();
         passed.dedup();
         let _ = writeln!(
             text,
-            "  {:>3}  {} ↔ {}  cost {:.4}, {} waypoints, passes {}",
+            "  {:>3}  {} ↔ {}  cost {:.4}, {} waypoints, passes {}{}",
             i + 1,
             end(0),
             end(last),
             skill.cost,
             skill.path.len(),
             if passed.is_empty() {
-                "nothing".to_owned()
+                "no region".to_owned()
             } else {
                 passed.join(" ")
+            },
+            if lost.contains(&i) {
+                "; does not hold on this map"
+            } else {
+                ""
             },
         );
     }
@@ -236,8 +279,9 @@ pub(super) fn merge(args: &LibraryMergeArgs, console: &Console) -> Result<(), Fa
             format!("{object}\n")
         }
         false => format!(
-            "{}: {skills} skills, {added} of them new to the first library\n",
-            args.out.display()
+            "{}: {}, {added} of them new to the first library\n",
+            args.out.display(),
+            count(skills, "skill"),
         ),
     };
     Ok(console.result(&text)?)
@@ -261,7 +305,7 @@ fn draw(
     let picture = Picture::new(&scenario.workspace)
         .start(scenario.start)
         .title(&scenario.name)
-        .subtitle(format!("{} skills", library.skills().len()))
+        .subtitle(count(library.skills().len(), "skill"))
         .bands("skill", legs);
     if let Some(path) = svg {
         files::write(path, picture.to_svg().as_bytes(), console)?;

@@ -20,6 +20,9 @@ use crate::scenario::Scenario;
 /// Pixels of a PNG for each pixel of the SVG.
 const PNG_SCALE: f64 = 1.5;
 
+/// What stands for the sampler where a plan was repaired.
+const REPAIRED: &str = "replan";
+
 pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
     let began = Instant::now();
     let (scenario, task, translate) = read(args, console)?;
@@ -42,7 +45,9 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
 /// Refuses outputs that could not be written, before any work is done.
 pub(super) fn read(args: &PlanArgs, console: &Console) -> Result<(Scenario, Task, f64), Failure> {
     let outputs = [&args.out, &args.svg, &args.png, &args.heatmap];
-    files::check_folders(outputs.into_iter().flatten().map(|p| p.as_path()))?;
+    let outputs: Vec<&Path> = outputs.into_iter().flatten().map(|p| p.as_path()).collect();
+    files::keep_inputs(&[&args.mission.scenario], &outputs)?;
+    files::check_folders(outputs)?;
     if let Some(heatmap) = &args.heatmap {
         files::heatmap_format(heatmap)?;
     }
@@ -121,7 +126,7 @@ pub(super) fn watched<T>(
     });
     bar.finish_and_clear();
     if stop.is_raised() {
-        console.note("interrupted: this is the best so far");
+        console.warn("interrupted: this is the best so far");
     }
     planned.map_err(|e| match e {
         MissionError::Plan(PlanError::NotFound(found)) => {
@@ -257,8 +262,12 @@ pub(super) fn describe(scenario: &Scenario, planned: &Planned) -> String {
     };
     let _ = writeln!(
         text,
-        "{}: planned and verified ({sampler} sampler{device})",
-        scenario.name
+        "{}: {}",
+        scenario.name,
+        match sampler {
+            REPAIRED => "repaired and verified".to_owned(),
+            _ => format!("planned and verified ({sampler} sampler{device})"),
+        }
     );
     let word = planned.verified.word.show(scenario.workspace.alphabet());
     let _ = writeln!(text, "  sees    {word}");
@@ -281,12 +290,14 @@ pub(super) fn describe(scenario: &Scenario, planned: &Planned) -> String {
             seconds(first.seconds)
         );
     }
-    if let Some(stats) = &file.stats {
+    if let Some(stats) = file.stats.as_ref().filter(|s| s.nodes > 0) {
         let _ = writeln!(
             text,
             "  search  {} iterations, {} nodes at {} places",
             stats.iterations, stats.nodes, stats.sites
         );
+    }
+    if let Some(stats) = &file.stats {
         let s = &stats.seconds;
         let _ = writeln!(
             text,

@@ -14,8 +14,13 @@ use crate::planner::{Progress, Stop};
 
 pub(super) fn run(args: &ReplanArgs, console: &Console) -> Result<(), Failure> {
     let began = Instant::now();
-    let (scenario, task, translate) = plan::read(&args.plan, console)?;
     let old = PlanFile::read(&args.old)?;
+    let mut wanted = args.plan.clone();
+    if let (None, None, Some(task)) = (&wanted.mission.task, &wanted.automaton, &old.task) {
+        // The plan's own mission: a scenario has one task, a map many.
+        wanted.mission.task = Some(task.clone());
+    }
+    let (scenario, task, translate) = plan::read(&wanted, console)?;
     let skills = match &args.library {
         Some(path) => {
             let (system, _) = mission::world(&scenario)?;
@@ -40,7 +45,7 @@ pub(super) fn run(args: &ReplanArgs, console: &Console) -> Result<(), Failure> {
     plan::finish(&mut planned, began, translate, console);
     plan::write_files(&args.plan, &scenario, &planned, &[], console)?;
     let told = match change {
-        Change::None => "the plan still holds".to_owned(),
+        Change::None => "none: the plan still holds".to_owned(),
         Change::Repaired {
             segments,
             seconds: s,

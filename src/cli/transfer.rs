@@ -1,19 +1,20 @@
 //! `nngtl transfer`.
 
 use std::fmt::Write as _;
+use std::path::Path;
 use std::time::Instant;
 
 use nalgebra::Point2;
 use serde_json::json;
 
 use super::args::{SamplerName, TransferArgs};
-use super::console::{Console, seconds};
+use super::console::{Console, count, seconds};
 use super::failure::Failure;
-use super::{library, plan};
+use super::{files, library, plan};
 use crate::mission;
 use crate::plan::Waypoint;
 use crate::planner::{Progress, Stop};
-use crate::transfer::{Reused, learn};
+use crate::transfer::{LibraryFile, Reused, learn};
 
 pub(super) fn run(args: &TransferArgs, console: &Console) -> Result<(), Failure> {
     let began = Instant::now();
@@ -22,10 +23,22 @@ pub(super) fn run(args: &TransferArgs, console: &Console) -> Result<(), Failure>
         return Err(Failure::input(why));
     }
     let (scenario, task, translate) = plan::read(&args.plan, console)?;
+    let plan = &args.plan;
+    let outputs = [&plan.out, &plan.svg, &plan.png, &plan.heatmap]
+        .into_iter()
+        .flatten();
+    let outputs: Vec<&Path> = outputs.map(|p| p.as_path()).collect();
+    files::keep_inputs(&[&args.library], &outputs)?;
+    if args.learn {
+        files::check_folders([args.library.as_path()])?;
+    }
     let (system, start) = mission::world(&scenario)?;
     let loading = Instant::now();
     let loaded = library::load(&args.library, &*system, console)?;
     let load_seconds = loading.elapsed().as_secs_f64();
+    if args.learn && !loaded.same_map {
+        library::keep(&args.library, &loaded)?;
+    }
     let options = plan::options(&args.plan);
     let skills = &loaded.library;
     let search = |stop: &Stop, observe: &mut dyn FnMut(Progress)| {
@@ -38,7 +51,8 @@ pub(super) fn run(args: &TransferArgs, console: &Console) -> Result<(), Failure>
     plan::write_files(&args.plan, &scenario, &planned, &legs, console)?;
     let mut learned = None;
     if args.learn {
-        let mut library = loaded.library;
+        // Read again: another run may have learned meanwhile.
+        let mut library = LibraryFile::read(&args.library)?.bind(&*system).library;
         let count = learn(&mut library, &*system, start, &planned.path);
         library.to_file(&*system).write(&args.library)?;
         console.note(&format!("wrote {}", args.library.display()));
@@ -46,6 +60,9 @@ pub(super) fn run(args: &TransferArgs, console: &Console) -> Result<(), Failure>
     }
     let text = if console.json() {
         let mut object = plan::to_json(&args.plan, &scenario, &planned);
+        if let (Some(files), true) = (object["files"].as_array_mut(), args.learn) {
+            files.push(json!(args.library));
+        }
         object["reuse"] = json!({
             "subtasks": reused.counts.subtasks,
             "matched": reused.counts.matched,
@@ -55,6 +72,8 @@ pub(super) fn run(args: &TransferArgs, console: &Console) -> Result<(), Failure>
             "prefix_legs": reused.prefix_legs,
             "suffix_legs": reused.suffix_legs,
             "learned": learned,
+            "same_map": loaded.same_map,
+            "dropped": library::dropped_json(&loaded.dropped),
         });
         format!("{object}\n")
     } else {
@@ -74,11 +93,11 @@ fn reused_legs(points: &[Waypoint], reused: &[bool]) -> Vec<(Point2<f64>, Point2
 
 fn describe(text: &mut String, reused: &Reused, load: f64, learned: Option<usize>) {
     let legs = reused.prefix_legs.iter().chain(&reused.suffix_legs);
-    let (count, taken) = legs.fold((0, 0), |(n, k), &r| (n + 1, k + usize::from(r)));
+    let (all, taken) = legs.fold((0, 0), |(n, k), &r| (n + 1, k + usize::from(r)));
     let counts = &reused.counts;
     let _ = writeln!(
         text,
-        "  reuse   {} of {} subtasks have a skill ({:.1} %), {taken} of {count} legs are reused",
+        "  reuse   {} of {} subtasks have a skill ({:.1} %), {taken} of {all} legs are reused",
         counts.matched,
         counts.subtasks,
         counts.percent()
@@ -91,6 +110,6 @@ fn describe(text: &mut String, reused: &Reused, load: f64, learned: Option<usize
         seconds(reused.layout_seconds)
     );
     if let Some(learned) = learned {
-        let _ = writeln!(text, "  learned {learned} skills");
+        let _ = writeln!(text, "  learned {}, new or better", count(learned, "skill"));
     }
 }

@@ -1,6 +1,6 @@
 //! Writing a data set: shards in parallel threads, resumable after a kill at any moment.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -15,6 +15,7 @@ use super::maps::Family;
 use super::read::{ReadError, digest, read_manifest};
 use super::record::{Counts, FORMAT, Manifest, ShardEntry, add_counts};
 use super::sample::{Sample, draw_sample};
+use crate::plan::write_atomically;
 
 /// The manifest's name in a data set's directory.
 pub const MANIFEST: &str = "manifest.json";
@@ -355,28 +356,7 @@ fn write_manifest(config: &GenerateConfig, manifest: &Manifest) -> Result<(), Ge
 
 /// Writes a file so that it is there as a whole or not at all.
 fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), GenerateError> {
-    let folder = path.parent().unwrap_or(Path::new("."));
-    let write = || -> io::Result<()> {
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
-        file.write_all(bytes)?;
-        readable_by_all(file.as_file())?;
-        file.as_file().sync_all()?;
-        file.persist(path)?;
-        Ok(())
-    };
-    write().map_err(io_error(path))
-}
-
-/// Temporary files are made for their owner alone; data sets are not secret.
-#[cfg(unix)]
-fn readable_by_all(file: &File) -> io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(fs::Permissions::from_mode(0o644))
-}
-
-#[cfg(not(unix))]
-fn readable_by_all(_: &File) -> io::Result<()> {
-    Ok(())
+    write_atomically(path, bytes).map_err(io_error(path))
 }
 
 fn io_error(path: &Path) -> impl Fn(io::Error) -> GenerateError + use<> {

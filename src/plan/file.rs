@@ -299,11 +299,26 @@ impl From<PlanPoint> for Waypoint {
 }
 
 /// Writes `bytes` to `path` so that a reader sees the old file or the new one, never a part: a
-/// temporary file beside it is filled, flushed to disk and renamed.
+/// temporary file beside it is filled, flushed to disk and renamed. A link stays a link: what it leads to is
+/// replaced. What is no ordinary file (a pipe, `/dev/stdout`) is written to as it is.
 ///
 /// # Errors
-/// If the folder cannot be written to.
+/// If the folder cannot be written to, or `path` is a folder.
 pub fn write_atomically(path: &FilePath, bytes: &[u8]) -> std::io::Result<()> {
+    if let Ok(there) = std::fs::metadata(path) {
+        if there.is_dir() {
+            return Err(std::io::ErrorKind::IsADirectory.into());
+        }
+        if !there.is_file() {
+            let mut there = std::fs::OpenOptions::new().write(true).open(path)?;
+            return there.write_all(bytes);
+        }
+    }
+    let target = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    replace(&target, bytes)
+}
+
+fn replace(path: &FilePath, bytes: &[u8]) -> std::io::Result<()> {
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => FilePath::new("."),
@@ -315,11 +330,19 @@ pub fn write_atomically(path: &FilePath, bytes: &[u8]) -> std::io::Result<()> {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    let mut file = builder.prefix(".nngtl-").tempfile_in(folder)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_all()?;
-    file.persist(path).map_err(|e| e.error)?;
-    Ok(())
+    let written = (|| {
+        let mut file = builder.prefix(".nngtl-").tempfile_in(folder)?;
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        file.persist(path).map_err(|e| e.error)
+    })();
+    // The kind of failure, without the name of the temporary file.
+    written
+        .map(drop)
+        .map_err(|e: std::io::Error| match e.raw_os_error() {
+            Some(code) => std::io::Error::from_raw_os_error(code),
+            None => e.kind().into(),
+        })
 }
 
 #[cfg(test)]

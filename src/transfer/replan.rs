@@ -94,6 +94,10 @@ struct Repairer<'a> {
 
 impl Repairer<'_> {
     fn repair(&mut self, plan: &Path) -> Option<Path> {
+        // A robot that stands elsewhere needs another prefix, and perhaps another plan.
+        plan.prefix
+            .first()
+            .filter(|w| w.at == self.problem.start.at)?;
         let plan = with_states(self.problem, plan)?;
         if plan.suffix.len() == 1 {
             let prefix = self.repair_part(&plan.prefix, false)?;

@@ -4,7 +4,6 @@
 //! checksum is that of the JSON's bytes. A file is written beside its place and then moved there, so
 //! that there is never half a file.
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Point2;
@@ -13,6 +12,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::super::skill::{Skill, SkillError};
 use super::Library;
+use crate::plan::write_atomically;
 use crate::system::TransitionSystem;
 
 /// The word that library files begin with.
@@ -26,7 +26,7 @@ const VERSION: u32 = 1;
 #[non_exhaustive]
 pub enum LibraryError {
     /// The file cannot be read or written.
-    #[error("{path}: {source}", path = path.display())]
+    #[error("{path}: cannot read or write the library: {source}", path = path.display())]
     Io {
         /// The file.
         path: PathBuf,
@@ -76,7 +76,7 @@ pub enum LibraryError {
         reason: String,
     },
     /// Two libraries to be merged are of different maps.
-    #[error("{path}: a library of another map ({found}…, expected {expected}…): load it for this scenario, so that its skills are checked one by one", path = path.display())]
+    #[error("{path}: a library of another map ({found}…, expected {expected}…): only libraries of one map can be put together", path = path.display())]
     OtherMap {
         /// The file.
         path: PathBuf,
@@ -184,7 +184,8 @@ impl LibraryFile {
             if skill.path.len() != skill.letters.len() {
                 let (points, letters) = (skill.path.len(), skill.letters.len());
                 return Err(contents(format!(
-                    "skill {i} has {points} points and letters for {letters}"
+                    "skill {} has {points} points and letters for {letters}",
+                    i + 1
                 )));
             }
         }
@@ -202,15 +203,8 @@ impl LibraryFile {
         };
         let body = serde_json::to_vec_pretty(self).map_err(|e| fail(e.into()))?;
         let checksum = hex(&Sha256::digest(&body));
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
-        let folder = folder.unwrap_or(Path::new("."));
-        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(fail)?;
         let first = format!("{MAGIC} {VERSION} sha256:{checksum} {}\n", body.len());
-        file.write_all(first.as_bytes()).map_err(fail)?;
-        file.write_all(&body).map_err(fail)?;
-        file.as_file().sync_all().map_err(fail)?;
-        file.persist(path).map_err(|e| fail(e.error))?;
-        Ok(())
+        write_atomically(path, &[first.as_bytes(), &body].concat()).map_err(fail)
     }
 
     /// Adds the skills of another file of the same map; those that are there already, in either

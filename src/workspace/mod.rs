@@ -5,11 +5,15 @@
 //! point. Obstacles may overlap, regions too; where obstacles share a border with each other or with
 //! the bounds there is no gap between them.
 
+mod bands;
 mod cells;
 mod index;
+mod lines;
+mod mesh;
 mod polygon;
 mod trace;
 pub mod visibility;
+mod walls;
 
 use std::sync::Arc;
 
@@ -22,6 +26,7 @@ use index::PolygonIndex;
 pub use cells::Cell;
 pub use polygon::{Polygon, PolygonError, Side};
 pub use trace::{Blocked, Stretch};
+pub use walls::Enclosure;
 
 /// Coordinates beyond this magnitude are refused: tolerances would lose their meaning.
 pub const MAX_COORDINATE: f64 = 1e9;
@@ -182,7 +187,8 @@ impl Workspace {
         let alphabet = Arc::new(Alphabet::new(names, parts.iter().map(|&(props, _)| props))?);
         let mut cells = vec![Vec::new(); alphabet.len()];
         let mut workspace = Self {
-            obstacle_index: PolygonIndex::new(obstacles.iter(), tolerance),
+            // Walls are looked up by points that snapping may have moved a little.
+            obstacle_index: PolygonIndex::new(obstacles.iter(), 4.0 * tolerance),
             region_index: PolygonIndex::new(regions.iter().map(|r| &r.polygon), tolerance),
             cells: Vec::new(),
             bounds,
@@ -280,7 +286,7 @@ impl Workspace {
         let mut props = Props::EMPTY;
         let mut on_boundary = false;
         for i in self.region_index.polygons_near(p) {
-            match self.regions[i].polygon.side_of(p, self.tolerance) {
+            match self.region_side(i, p) {
                 Side::Inside => props = props.with(i),
                 Side::Boundary => on_boundary = true,
                 Side::Outside => {}
@@ -313,8 +319,28 @@ impl Workspace {
     fn obstacle_at(&self, p: Point2<f64>) -> Option<usize> {
         self.obstacle_index
             .polygons_near(p)
-            .filter(|&i| self.obstacles[i].side_of(p, self.tolerance) == Side::Inside)
+            .filter(|&i| self.obstacle_side(i, p) == Side::Inside)
             .min()
+    }
+
+    /// Where `p` lies with respect to an obstacle.
+    fn obstacle_side(&self, i: usize, p: Point2<f64>) -> Side {
+        let index = &self.obstacle_index;
+        index.side_of(i, &self.obstacles[i], p, self.tolerance)
+    }
+
+    /// Where `p` lies with respect to a region.
+    fn region_side(&self, i: usize, p: Point2<f64>) -> Side {
+        let index = &self.region_index;
+        index.side_of(i, &self.regions[i].polygon, p, self.tolerance)
+    }
+
+    /// Whether `p` lies in an obstacle or within `tolerance` (at most the map's) of one.
+    fn is_on_obstacle(&self, p: Point2<f64>, tolerance: f64) -> bool {
+        let index = &self.obstacle_index;
+        index
+            .polygons_near(p)
+            .any(|i| index.side_of(i, &self.obstacles[i], p, tolerance) != Side::Outside)
     }
 
     /// A point uniform over the free space.

@@ -141,6 +141,8 @@ pub enum WorkspaceError {
 pub struct Workspace {
     bounds: Bounds,
     obstacles: Vec<Polygon>,
+    /// What obstacles are called; those beyond the end by their numbers.
+    obstacle_names: Vec<String>,
     regions: Vec<Region>,
     alphabet: Arc<Alphabet>,
     tolerance: f64,
@@ -193,6 +195,7 @@ impl Workspace {
             cells: Vec::new(),
             bounds,
             obstacles,
+            obstacle_names: Vec::new(),
             regions,
             alphabet,
             tolerance,
@@ -217,6 +220,23 @@ impl Workspace {
     #[must_use]
     pub fn obstacles(&self) -> &[Polygon] {
         &self.obstacles
+    }
+
+    /// Names obstacles, in their order, for messages; they need not differ. Those without a name
+    /// go by their number.
+    #[must_use]
+    pub fn with_obstacle_names(mut self, names: Vec<String>) -> Self {
+        self.obstacle_names = names;
+        self
+    }
+
+    /// What messages call an obstacle: its name, or its number counted from 1.
+    #[must_use]
+    pub fn obstacle_name(&self, i: usize) -> String {
+        match self.obstacle_names.get(i) {
+            Some(name) if !name.is_empty() => name.clone(),
+            _ => format!("obstacle {}", i + 1),
+        }
     }
 
     /// The regions, as given.

@@ -18,12 +18,14 @@ mod walls;
 use std::sync::Arc;
 
 use nalgebra::Point2;
+use smallvec::SmallVec;
 
 use crate::alphabet::{Alphabet, AlphabetError, Letter, Props};
 use crate::random::Random;
 use index::PolygonIndex;
 
 pub use cells::Cell;
+pub(crate) use polygon::segments_meet;
 pub use polygon::{Polygon, PolygonError, Side};
 pub use trace::{Blocked, Stretch};
 pub use walls::Enclosure;
@@ -335,12 +337,49 @@ impl Workspace {
         }
     }
 
-    /// The lowest-numbered obstacle whose interior contains `p`.
+    /// The lowest-numbered obstacle whose interior contains `p`, or, where several obstacles meet and
+    /// leave nothing free around `p`, that touches it.
     fn obstacle_at(&self, p: Point2<f64>) -> Option<usize> {
-        self.obstacle_index
-            .polygons_near(p)
-            .filter(|&i| self.obstacle_side(i, p) == Side::Inside)
-            .min()
+        let (inside, touching) = self.obstacles_at(p);
+        if inside.is_some() || touching.is_empty() {
+            return inside;
+        }
+        // Alone, a border has free space along it, unless it is that of the map.
+        let reach = 8.0 * self.tolerance;
+        if touching.len() == 1 && self.is_within(p, reach) {
+            return None;
+        }
+        let solid = |k: usize| {
+            let angle = (k as f64 + 0.5) * std::f64::consts::TAU / 48.0;
+            let off = nalgebra::Vector2::new(libm::cos(angle), libm::sin(angle)) * reach;
+            if !self.bounds.contains(p + off) {
+                return true;
+            }
+            let (inside, touching) = self.obstacles_at(p + off);
+            inside.is_some() || touching.len() > 1
+        };
+        (0..48).all(solid).then(|| touching.iter().min().copied())?
+    }
+
+    /// The first obstacle that holds `p`, and those whose borders run there.
+    fn obstacles_at(&self, p: Point2<f64>) -> (Option<usize>, SmallVec<[usize; 4]>) {
+        let (mut inside, mut touching) = (None, SmallVec::new());
+        for i in self.obstacle_index.polygons_near(p) {
+            match self.obstacle_side(i, p) {
+                Side::Inside => inside = Some(inside.map_or(i, |j: usize| j.min(i))),
+                Side::Boundary => touching.push(i),
+                Side::Outside => {}
+            }
+        }
+        (inside, touching)
+    }
+
+    /// Whether `p` lies within the bounds, further than `margin` from their edges.
+    fn is_within(&self, p: Point2<f64>, margin: f64) -> bool {
+        p.x > self.bounds.min.x + margin
+            && p.y > self.bounds.min.y + margin
+            && p.x < self.bounds.max.x - margin
+            && p.y < self.bounds.max.y - margin
     }
 
     /// Where `p` lies with respect to an obstacle.

@@ -261,6 +261,11 @@ fn folds_back(vertices: &[Point2<f64>], i: usize) -> Option<Point2<f64>> {
     (into.perp(&out) == 0.0 && into.dot(&out) < 0.0).then_some(v)
 }
 
+/// Whether two closed segments share a point.
+pub(crate) fn segments_meet(a: [Point2<f64>; 2], b: [Point2<f64>; 2]) -> bool {
+    meeting_point((a[0], a[1]), (b[0], b[1])).is_some()
+}
+
 /// A point that two closed segments share, if any.
 fn meeting_point(
     (a, b): (Point2<f64>, Point2<f64>),

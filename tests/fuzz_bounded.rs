@@ -2,8 +2,7 @@
 //! random. Nothing may panic or take long.
 #![allow(clippy::print_stdout)] // tells what was run
 
-#[path = "../fuzz/entries.rs"]
-mod entries;
+mod fuzz_entries;
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -64,7 +63,8 @@ fn changed(seed: &[u8], random: &mut Random) -> Vec<u8> {
             break;
         }
         let at = below(random, data.len());
-        let length = 1 + below(random, 1 + below(random, 40));
+        let most = 1 + below(random, 40);
+        let length = 1 + below(random, most);
         let end = (at + length).min(data.len());
         match below(random, 7) {
             0 => data[at] ^= 1 << below(random, 8),
@@ -142,7 +142,7 @@ fn formulas() {
         "<>[]((a V b) || not c /\\ d \\/ e => false)",
     ];
     let seeds: Vec<Vec<u8>> = seeds.iter().map(|s| s.as_bytes().to_vec()).collect();
-    run("formula", &seeds, cases(4_000), entries::formula);
+    run("formula", &seeds, cases(4_000), fuzz_entries::formula);
 }
 
 #[test]
@@ -152,7 +152,7 @@ fn automata() {
         "HOA: v1 /* a /* nested */ comment */ name: \"x \\\" y\" States: 3 Start: 1 Alias: @x 0&!1 AP: 2 \"p\" \"q\" Acceptance: 1 Inf(0) --BODY-- State: [@x|1] 0 \"s\" {0} 1 2 State: 1 {0} [t] 0 [@x] 1 State: 2 --END--",
     ];
     let seeds: Vec<Vec<u8>> = seeds.iter().map(|s| s.as_bytes().to_vec()).collect();
-    run("hoa", &seeds, cases(4_000), entries::hoa);
+    run("hoa", &seeds, cases(4_000), fuzz_entries::hoa);
 }
 
 #[test]
@@ -166,7 +166,7 @@ fn scenarios() {
         with_first(1, small),
         with_first(2, small),
     ];
-    run("scenario", &seeds, cases(3_000), entries::scenario);
+    run("scenario", &seeds, cases(3_000), fuzz_entries::scenario);
 }
 
 #[test]
@@ -190,7 +190,7 @@ fn maps() {
         with_first(0x31, cave.as_bytes()),
         with_first(2, &file("scenarios/campus.geojson")),
     ];
-    run("map", &seeds, cases(4_000), entries::map);
+    run("map", &seeds, cases(4_000), fuzz_entries::map);
 }
 
 #[test]
@@ -202,9 +202,9 @@ fn weights() {
         0, 0, 128, 63, 1, 2, 3, 4, 0, 0, 128, 127, 9, 8, 7, 6, 0, 60, 0, 124,
     ]);
     let seeds = [small];
-    run("weights", &seeds, cases(4_000), entries::weights);
+    run("weights", &seeds, cases(4_000), fuzz_entries::weights);
     let whole = [file("models/compact/statenet.safetensors")];
-    run("weights", &whole, cases(20), entries::weights);
+    run("weights", &whole, cases(20), fuzz_entries::weights);
 }
 
 #[test]
@@ -221,6 +221,6 @@ fn libraries() {
         "library",
         &[body.to_vec(), whole],
         cases(2_000),
-        entries::library,
+        fuzz_entries::library,
     );
 }

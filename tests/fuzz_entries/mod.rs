@@ -1,6 +1,6 @@
-// What is fuzzed: one function for each kind of input. The targets of `cargo fuzz` and the bounded
-// run on stable Rust (`tests/fuzz_bounded.rs`) call the same ones. They return nothing: any answer is
-// right that is one, and came soon.
+//! What is fuzzed: one function for each kind of input. The targets of `cargo fuzz` and the bounded
+//! run on stable Rust (`tests/fuzz_bounded.rs`) call the same ones. They return nothing: any answer is
+//! right that is one, and came soon.
 
 use std::path::Path;
 use std::time::Duration;

@@ -110,11 +110,21 @@ fn shape(random: &mut Random, others: &[Shape]) -> Shape {
     shape
 }
 
+/// The first of some scenarios that loads, or the last.
 fn scenario(seed: u64) -> ScenarioSpec {
-    let mut random = generator(seed, 91);
+    let mut all = (0..8).map(|attempt| draw(seed, attempt));
+    let loads = |spec: &ScenarioSpec| {
+        let scenario = Scenario::from_spec(spec);
+        scenario.is_ok_and(|s| s.workspace.hidden_regions().is_empty())
+    };
+    all.find(loads).unwrap_or_else(|| draw(seed, 8))
+}
+
+fn draw(seed: u64, attempt: u64) -> ScenarioSpec {
+    let mut random = generator(seed, 91 + attempt);
     let random = &mut random;
     let mut shapes: Vec<Shape> = Vec::new();
-    for _ in 0..below(random, 8) {
+    for _ in 0..below(random, 7) {
         let next = shape(random, &shapes);
         shapes.push(next);
     }
@@ -232,5 +242,5 @@ fn every_plan_on_a_degenerate_map_verifies() {
         faults.len()
     );
     let planned = outcomes.get("planned and verified").copied().unwrap_or(0);
-    assert!(planned * 4 > missions(), "{outcomes:?}");
+    assert!(planned * 3 > missions(), "{outcomes:?}");
 }

@@ -220,7 +220,7 @@ fn libraries() {
     run(
         "library",
         &[body.to_vec(), whole],
-        cases(2_000),
+        cases(800),
         fuzz_entries::library,
     );
 }

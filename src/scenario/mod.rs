@@ -134,7 +134,10 @@ impl Scenario {
     ) -> Result<Vec<Result<Self, ScenarioError>>, ScenarioError> {
         let path = path.as_ref();
         let all = read::read_many(path)?;
-        Ok(all.into_iter().map(|one| Self::checked(path, one)).collect())
+        Ok(all
+            .into_iter()
+            .map(|one| Self::checked(path, one))
+            .collect())
     }
 
     /// As [`load_all`](Self::load_all), for text that stands in no file (yet): `path` says by its
@@ -156,7 +159,10 @@ impl Scenario {
     ) -> Result<Vec<Result<Self, ScenarioError>>, ScenarioError> {
         let path = path.as_ref();
         let all = read::read_text_of(path, Ok(text.to_owned()))?;
-        Ok(all.into_iter().map(|one| Self::checked(path, one)).collect())
+        Ok(all
+            .into_iter()
+            .map(|one| Self::checked(path, one))
+            .collect())
     }
 
     fn checked(

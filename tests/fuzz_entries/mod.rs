@@ -33,7 +33,7 @@ fn text(data: &[u8]) -> Option<&str> {
 }
 
 /// A formula: parses, prints, parses again to the same, and translates.
-pub fn formula(data: &[u8]) {
+pub(crate) fn formula(data: &[u8]) {
     let Some(text) = text(data) else { return };
     let Ok(parsed) = ltl::parse(text, &ParseOptions::default()) else {
         return;
@@ -56,7 +56,7 @@ pub fn formula(data: &[u8]) {
 }
 
 /// Automata in the HOA format.
-pub fn hoa(data: &[u8]) {
+pub(crate) fn hoa(data: &[u8]) {
     let Some(text) = text(data) else { return };
     if let Ok(all) = read_hoa_stream(text, &limits()) {
         for nba in all {
@@ -66,7 +66,7 @@ pub fn hoa(data: &[u8]) {
 }
 
 /// A scenario: the first byte chooses the syntax. What loads gets a visibility graph.
-pub fn scenario(data: &[u8]) {
+pub(crate) fn scenario(data: &[u8]) {
     let Some((first, rest)) = data.split_first() else {
         return;
     };
@@ -90,7 +90,7 @@ pub fn scenario(data: &[u8]) {
 
 /// A map: the first byte chooses format and options. A ROS map's picture follows its YAML behind a
 /// zero byte.
-pub fn map(data: &[u8]) {
+pub(crate) fn map(data: &[u8]) {
     let Some((first, rest)) = data.split_first() else {
         return;
     };
@@ -126,7 +126,7 @@ pub fn map(data: &[u8]) {
 }
 
 /// A weight file.
-pub fn weights(data: &[u8]) {
+pub(crate) fn weights(data: &[u8]) {
     match WeightFile::parse("fuzz.safetensors", data) {
         Ok(file) => assert!(file.parameters() <= data.len()),
         Err(e) => assert!(!e.to_string().is_empty()),
@@ -134,7 +134,7 @@ pub fn weights(data: &[u8]) {
 }
 
 /// A library of skills, as it stands and as the body of a file with a right checksum.
-pub fn library(data: &[u8]) {
+pub(crate) fn library(data: &[u8]) {
     use sha2::Digest as _;
     let Ok(folder) = tempfile::tempdir() else {
         return;

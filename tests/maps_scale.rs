@@ -10,6 +10,7 @@ use nngtl::mission::{self, MissionError, Options, SamplerChoice};
 use nngtl::planner::Settings;
 use nngtl::random::{generator, unit};
 use nngtl::scenario::Scenario;
+use nngtl::workspace::Workspace;
 use nngtl::workspace::visibility::VisibilityGraph;
 
 /// A maze of `n` × `n` rooms as a MovingAI map of 2n + 1 cells a side: a spanning tree drawn by a
@@ -55,18 +56,29 @@ fn maze(n: usize, seed: u64) -> String {
     text
 }
 
+/// Lower left corners of two rooms, some bends away from the start and not through each other.
+fn near(map: &std::path::Path, rooms: usize) -> Vec<[f64; 2]> {
+    let map = nngtl::maps::load(map, &nngtl::maps::MapOptions::default()).unwrap();
+    let map = Workspace::new(map.bounds, map.obstacles, Vec::new()).unwrap();
+    let graph = VisibilityGraph::new(Arc::new(map));
+    let paths = graph.paths_to(Point2::new(1.5, 1.5));
+    let all =
+        (0..rooms * rooms).map(|i| [(2 * (i % rooms) + 1) as f64, (2 * (i / rooms) + 1) as f64]);
+    let bends = |[x, y]: [f64; 2]| {
+        let path = paths.path(&graph, Point2::new(x + 0.5, y + 0.5)).unwrap();
+        path.len() - 2
+    };
+    let found: Vec<[f64; 2]> = all.filter(|&room| (6..9).contains(&bends(room))).collect();
+    vec![found[0], found[found.len() - 1]]
+}
+
 fn run(rooms: usize) {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("maze.map"), maze(rooms, 1)).unwrap();
     let side = (2 * rooms + 1) as f64;
-    let mut text = format!(
-        "start = [1.5, 1.5]\ntask = \"[]<> a && []<> b\"\n[map]\nfile = \"maze.map\"\n[workspace.regions]\n"
-    );
-    for (name, x, y) in [
-        ("a", 13.0, 1.0),
-        ("b", 1.0, 17.0),
-        ("far", side - 2.0, side - 2.0),
-    ] {
+    let mut text = "start = [1.5, 1.5]\ntask = \"[]<> a && []<> b\"\n[map]\nfile = \"maze.map\"\n[workspace.regions]\n".to_owned();
+    let rooms_near = near(&folder.path().join("maze.map"), rooms);
+    for (name, [x, y]) in [("a", rooms_near[0]), ("b", rooms_near[1])] {
         let _ = writeln!(
             text,
             "{name} = [[{x}, {y}], [{0}, {y}], [{0}, {1}], [{x}, {1}]]",

@@ -97,8 +97,9 @@ impl Workspace {
     }
 
     /// The letters along the segment `ab`, in order, neighbours different. A letter counts where
-    /// it holds over positive length: shared borders and touched corners make none. A segment of
-    /// no length has the one letter of its point.
+    /// it holds over positive length: shared borders and touched corners make none. That of an end
+    /// that lies off all borders counts, however thin the region is there. A segment of no length
+    /// has the one letter of its point.
     ///
     /// # Errors
     /// The first obstacle found in the way, or that the segment leaves the bounds.
@@ -108,7 +109,28 @@ impl Workspace {
             return Err(blocked);
         }
         let base = self.letter_at(a).unwrap_or(Letter(0));
-        Ok(self.stretches(a, b, base)?.into_vec())
+        let mut found = self.stretches(a, b, base)?.into_vec();
+        let firm = |p| match self.locate(p) {
+            Place::Free {
+                letter,
+                on_boundary: false,
+            } => Some(letter),
+            _ => None,
+        };
+        let length = (b - a).norm();
+        if length > self.tolerance {
+            // Pieces too short to tell from rounding are left out, but not those at ends.
+            let share = self.tolerance / length;
+            if let Some(letter) = firm(a).filter(|&l| found[0].letter != l) {
+                found[0].start = share;
+                found.insert(0, Stretch { start: 0.0, letter });
+            }
+            if let Some(letter) = firm(b).filter(|&l| found[found.len() - 1].letter != l) {
+                let start = 1.0 - share;
+                found.push(Stretch { start, letter });
+            }
+        }
+        Ok(found)
     }
 
     /// The transition relation of the paper (`nngtl.md`, II-A): the segment `ab` meets no

@@ -15,6 +15,9 @@ use crate::workspace::Polygon;
 /// A scenario in plain polygons, and what to call its obstacles (nothing: by their numbers).
 pub(super) type Resolved = (ScenarioSpec, Vec<String>);
 
+/// Polygons as a file lists them.
+type Shapes = Vec<Vec<[f64; 2]>>;
+
 /// Resolves a scenario that stands in the file at `path`.
 pub(super) fn resolve(
     file: ScenarioFile,
@@ -107,10 +110,7 @@ fn add_map(
 }
 
 /// Obstacles grown by the robot's radius, each on its own, and what to call the parts.
-fn grown(
-    obstacles: &[Vec<[f64; 2]>],
-    radius: f64,
-) -> Result<(Vec<Vec<[f64; 2]>>, Vec<String>), (usize, Kind)> {
+fn grown(obstacles: &[Vec<[f64; 2]>], radius: f64) -> Result<(Shapes, Vec<String>), (usize, Kind)> {
     let (mut all, mut names) = (Vec::new(), Vec::new());
     for (i, obstacle) in obstacles.iter().enumerate() {
         let points = obstacle.iter().map(|&[x, y]| Point2::new(x, y)).collect();

@@ -156,6 +156,10 @@ fn broken_maps_say_what_is_wrong_and_where() {
             "1000000000 × 9 cells are too many",
         ),
         (
+            ros("resolution: 0.1", "resolution: 1e308"),
+            "coordinates must lie within",
+        ),
+        (
             complaint(Format::Ros, yaml, Some(b"P5 x")),
             "byte 3: expected the width",
         ),

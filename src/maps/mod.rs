@@ -27,7 +27,7 @@ use std::path::Path;
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 
-use crate::workspace::{Bounds, Polygon};
+use crate::workspace::{Bounds, MAX_COORDINATE, Polygon};
 
 pub use error::{MapError, MapErrorKind};
 
@@ -294,6 +294,25 @@ fn assemble(
     let (min, max) = frame
         .iter()
         .fold((first, first), |(min, max), p| (min.inf(p), max.sup(p)));
+    let far = |p: &Point2<f64>| !(p.x.abs() <= MAX_COORDINATE && p.y.abs() <= MAX_COORDINATE);
+    let rings = walls.iter().flat_map(|(_, rings)| rings.iter().flatten());
+    if let Some(p) = frame.iter().chain(rings).find(|p| far(p)) {
+        let message = format!(
+            "the map reaches to ({}, {}): coordinates must lie within ±{MAX_COORDINATE:e} metres",
+            p.x, p.y
+        );
+        return Err(MapErrorKind::Syntax(message));
+    }
+    let radius = options.robot_radius;
+    let bounds = Bounds {
+        min: min.map(|c| c + radius),
+        max: max.map(|c| c - radius),
+    };
+    if bounds.width() <= 0.0 || bounds.height() <= 0.0 {
+        let problem = format!("is {radius}: the map is not wide enough for this robot");
+        let setting = "robot_radius";
+        return Err(MapErrorKind::Setting { setting, problem });
+    }
     let margin = (max - min).norm() * 0.01;
     if slanted && !is_box(&frame, min, max) {
         let (low, high) = (min.map(|c| c - margin), max.map(|c| c + margin));
@@ -305,7 +324,6 @@ fn assemble(
         ];
         walls.push(("the edge of the map".to_owned(), vec![outer, frame]));
     }
-    let radius = options.robot_radius;
     if radius > 0.0 {
         let rings: Vec<Rings> = walls.iter().map(|(_, rings)| rings.clone()).collect();
         // What grows may grow together; a name is kept where its wall stays alone.
@@ -316,21 +334,13 @@ fn assemble(
             .collect();
     }
     let mut map = ImportedMap {
-        bounds: Bounds {
-            min: min.map(|c| c + radius),
-            max: max.map(|c| c - radius),
-        },
+        bounds,
         obstacles: Vec::new(),
         obstacle_names: Vec::new(),
         regions: Vec::new(),
         start: None,
         cells: None,
     };
-    if map.bounds.width() <= 0.0 || map.bounds.height() <= 0.0 {
-        let problem = format!("is {radius}: the map is not wide enough for this robot");
-        let setting = "robot_radius";
-        return Err(MapErrorKind::Setting { setting, problem });
-    }
     for (name, rings) in walls {
         let Some(at) = rings.first().and_then(|r| r.first()).copied() else {
             continue;

@@ -131,8 +131,10 @@ pub enum ScenarioErrorKind {
         /// What it is called.
         name: String,
     },
-    /// The robot's radius is no length.
-    #[error("the robot's radius is {0}: expected a finite number, 0 or above")]
+    /// The robot's radius is no length, or the map is too narrow for it.
+    #[error(
+        "the robot's radius is {0}: expected a number from 0 to less than half the map's width"
+    )]
     RobotRadius(f64),
     /// The map file cannot be used.
     #[error("the map: {0}")]

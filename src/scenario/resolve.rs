@@ -51,6 +51,12 @@ pub(super) fn resolve(
             return Err(fail(kind, &[Step::Key("workspace")]));
         }
     };
+    if radius > 0.0 && !(bounds[0][0] < bounds[1][0] && bounds[0][1] < bounds[1][1]) {
+        return Err(fail(
+            Kind::RobotRadius(radius),
+            &[Step::Key("robot_radius")],
+        ));
+    }
     let of_map = map.as_ref().and_then(|m| m.start).map(Into::into);
     let Some(start) = file.start.or(of_map) else {
         return Err(fail(missing("start"), &[Step::Key("name")]));

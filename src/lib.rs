@@ -9,6 +9,7 @@ pub mod encoding;
 pub mod exact;
 pub mod guidance;
 pub mod ltl;
+pub mod maps;
 pub mod mission;
 pub mod nn;
 pub mod plan;

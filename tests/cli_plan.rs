@@ -129,10 +129,35 @@ fn missions_without_a_plan_end_with_1_and_say_why() {
     let run = plan("infeasible.toml", &[]);
     assert_eq!(run.code, 1, "{run:?}");
     assert!(
-        run.err.contains("cannot be reached") && run.err.contains("{vault}"),
+        run.err.contains(
+            "{vault} cannot be reached from the start: {vault} is walled in by obstacle 1, obstacle 2, obstacle 3 and obstacle 4"
+        ),
         "{run:?}"
     );
     assert!(run.out.is_empty(), "{run:?}");
+    for sampler in ["biased", "exact"] {
+        let object = plan("infeasible.toml", &["--json", "--sampler", sampler]).json();
+        assert_eq!(object["outcome"], "unreachable", "{sampler}: {object}");
+        assert_eq!(object["places"][0]["regions"][0], "vault");
+        let walls = &object["places"][0]["walls"][0];
+        assert_eq!(walls["obstacles"].as_array().unwrap().len(), 4, "{object}");
+        assert_eq!(walls["around_start"], false);
+    }
+
+    // Satisfiable, but the regions lie apart.
+    let run = plan("case-study.toml", &["--task", "<> (l1 && l2)", "--json"]);
+    let object = run.json();
+    assert_eq!(
+        (run.code, object["outcome"].as_str()),
+        (1, Some("not-on-this-map")),
+        "{run:?}"
+    );
+    assert!(
+        run.err
+            .contains("`l1` and `l2` have no free point in common"),
+        "{run:?}"
+    );
+    assert_eq!(object["facts"].as_array().unwrap().len(), 1, "{object}");
 
     let run = plan("case-study.toml", &["--task", "<> l1 && [] !l1", "--json"]);
     assert_eq!(
@@ -151,9 +176,25 @@ fn missions_without_a_plan_end_with_1_and_say_why() {
     ]);
     assert_eq!(run.code, 1, "{run:?}");
     assert!(
-        run.err.contains("no plan found within 5 iterations"),
+        run.err
+            .contains("no plan found within 5 iterations; it reached")
+            && run.err.contains("still needed to see"),
         "{run:?}"
     );
+    let object = nngtl(&[
+        "plan",
+        &shipped("patrol.toml"),
+        "--sampler",
+        "uniform",
+        "--iterations",
+        "5",
+        "--json",
+    ])
+    .json();
+    assert_eq!(object["outcome"], "not-found");
+    let count = |key: &str| object[key].as_u64().unwrap();
+    assert!(count("states_reached") < count("states"), "{object}");
+    assert!(!object["missing"].as_array().unwrap().is_empty());
 }
 
 #[test]

@@ -49,7 +49,7 @@ fn scenario(seed: u64) -> Scenario {
 fn outcome(scenario: &Scenario) -> &'static str {
     let task = match mission::task(scenario) {
         Ok(task) => Arc::new(task),
-        Err(MissionError::Task(why)) => {
+        Err(why @ (MissionError::Task(_) | MissionError::NotOnThisMap(_))) => {
             assert!(why.to_string().len() > 20, "{why}");
             return "no automaton";
         }

@@ -116,17 +116,24 @@ impl From<std::io::Error> for Failure {
 
 impl From<MissionError> for Failure {
     fn from(e: MissionError) -> Self {
+        let message = e.to_string();
         match e {
+            MissionError::Unreachable(why) => {
+                Self::negative("unreachable", message).with_details(json!({ "places": why.places }))
+            }
+            MissionError::NotOnThisMap(why) => Self::negative("not-on-this-map", message)
+                .with_details(json!({ "facts": why.facts })),
             MissionError::Exact(_) | MissionError::Plan(PlanError::Unreachable(_)) => {
-                Self::negative("unreachable", e.to_string())
+                Self::negative("unreachable", message)
             }
-            MissionError::Plan(PlanError::NotFound(_)) => {
-                Self::negative("not-found", e.to_string())
+            MissionError::Plan(PlanError::NotFound(_)) => Self::negative("not-found", message),
+            MissionError::Task(TaskError::Unsatisfiable) => {
+                Self::negative("unsatisfiable", message)
             }
-            MissionError::Task(TaskError::Translate(_)) => Self::input(e.to_string()),
-            MissionError::Task(_) => Self::negative("unsatisfiable", e.to_string()),
-            MissionError::Refused(_) => Self::negative("refused", e.to_string()),
-            _ => Self::input(e.to_string()),
+            MissionError::Task(TaskError::Translate(_)) => Self::input(message),
+            MissionError::Task(_) => Self::negative("not-on-this-map", message),
+            MissionError::Refused(_) => Self::negative("refused", message),
+            _ => Self::input(message),
         }
     }
 }

@@ -149,16 +149,21 @@ fn not_found(scenario: &Scenario, found: &NotFound, missing: &[String]) -> Failu
         ),
     };
     let mut message = format!("{}: no plan found {ended}", scenario.name);
+    let [reached, states] = found.states;
+    let _ = write!(
+        message,
+        "; it reached {reached} of the automaton's {states} states"
+    );
     if found.stats.goals > 0 {
         let _ = write!(
             message,
-            "; {} ways to an accepting state were found, but no loop from there",
+            " and {} ways to an accepting state, but no loop from there",
             found.stats.goals
         );
     } else if !missing.is_empty() {
         let _ = write!(
             message,
-            "; the search came within {} of acceptance and could not reach {}",
+            ", came within {} of acceptance, and still needed to see {}",
             match found.steps_left {
                 1 => "one automaton step".to_owned(),
                 steps => format!("{steps} automaton steps"),
@@ -170,6 +175,8 @@ fn not_found(scenario: &Scenario, found: &NotFound, missing: &[String]) -> Failu
     Failure::negative("not-found", message).with_details(json!({
         "scenario": scenario.name,
         "stats": found.stats,
+        "states_reached": reached,
+        "states": states,
         "steps_left": found.steps_left,
         "missing": missing,
     }))

@@ -15,6 +15,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod explain;
 mod guide;
 mod transfer;
 
@@ -40,6 +41,7 @@ use crate::scenario::Scenario;
 use crate::system::{Continuous, Grid, GridError, Spot, StartError, TransitionSystem};
 use crate::verify::{self, Refusal, Verified};
 
+pub use explain::{LetterFact, NotOnThisMap, OutOfReach, Unreachable, Walls};
 pub use guide::{Prediction, predict, predict_with};
 pub use transfer::{Change, build_library, replan_task, transfer_task};
 
@@ -101,6 +103,12 @@ pub enum MissionError {
     /// The formula has no automaton: no word satisfies it, or it is too large to translate.
     #[error(transparent)]
     Task(#[from] TaskError),
+    /// The formula can be satisfied, but not over the letters of this map.
+    #[error(transparent)]
+    NotOnThisMap(#[from] NotOnThisMap),
+    /// The mission needs places that cannot be reached.
+    #[error(transparent)]
+    Unreachable(#[from] Unreachable),
     /// The robot cannot be where it should start.
     #[error(transparent)]
     Start(#[from] StartError),
@@ -146,14 +154,18 @@ pub fn plan(scenario: &Scenario, options: &Options) -> Result<Planned, MissionEr
 /// The scenario's mission as an automaton over the letters of its map.
 ///
 /// # Errors
-/// A formula with `X` off a grid, or one that is too large to translate.
+/// A formula with `X` off a grid, one that nothing satisfies, or one that is too large to translate.
 pub fn task(scenario: &Scenario) -> Result<Task, MissionError> {
     if scenario.formula.has_next() && scenario.grid.is_none() {
         return Err(MissionError::Next);
     }
     let letters = Arc::clone(scenario.workspace.alphabet());
-    let task = Task::from_formula(&scenario.formula, letters, &Limits::default())?;
-    Ok(task)
+    match Task::from_formula(&scenario.formula, Arc::clone(&letters), &Limits::default()) {
+        Err(TaskError::NotWithTheseLetters { .. }) => {
+            Err(NotOnThisMap::new(&scenario.formula, &letters).into())
+        }
+        other => Ok(other?),
+    }
 }
 
 /// As [`plan`], for a task that is translated already or was read from a file. Raising `stop` ends
@@ -171,10 +183,10 @@ pub fn plan_task(
     let began = Instant::now();
     let task = Arc::new(task);
     if options.sampler == SamplerChoice::Exact {
-        return exact(scenario, &task);
+        return exact(scenario, &task).map_err(|e| explained(scenario, &task, e));
     }
     let problem = problem(scenario, Arc::clone(&task))?;
-    check_reachable(&task, &*problem.system)?;
+    check_reachable(scenario, &task, &*problem.system)?;
     let chosen = guide::choose(scenario, &task, options)?;
     let searched = Instant::now();
     let solution = planner::plan(&problem, &chosen.sampler, &options.settings, stop, observe)?;
@@ -244,27 +256,24 @@ pub fn problem(scenario: &Scenario, task: Arc<Task>) -> Result<Problem, MissionE
 
 /// Ends at once where no search could succeed: with the letters of places that the robot cannot
 /// reach taken away, nothing is accepted.
-fn check_reachable(task: &Task, system: &dyn TransitionSystem) -> Result<(), PlanError> {
-    let mut left = task.nba.clone();
-    for row in &mut left.transitions {
-        for transition in row.iter_mut() {
-            transition.guard.intersect_with(system.reachable());
-        }
-        row.retain(|t| !t.guard.is_empty());
-    }
-    if !left.trimmed().is_empty() {
-        return Ok(());
-    }
-    let alphabet = &task.nba.alphabet;
-    let beyond: Vec<String> = alphabet
-        .letters()
-        .filter(|&l| !system.reachable().contains(l))
-        .map(|l| alphabet.show(l))
-        .collect();
-    Err(PlanError::Unreachable(format!(
-        "the task needs places that cannot be reached from the start; out of reach: {}",
-        beyond.join(", ")
-    )))
+fn check_reachable(
+    scenario: &Scenario,
+    task: &Task,
+    system: &dyn TransitionSystem,
+) -> Result<(), MissionError> {
+    Unreachable::find(scenario, task, system).map_or(Ok(()), |why| Err(why.into()))
+}
+
+/// The exact planner's failure, with the walls that cause it where there are any.
+fn explained(scenario: &Scenario, task: &Task, e: MissionError) -> MissionError {
+    let fruitless = matches!(
+        e,
+        MissionError::Exact(_) | MissionError::Plan(PlanError::Unreachable(_))
+    );
+    let world = fruitless.then(|| world(scenario).ok()).flatten();
+    world
+        .and_then(|(system, _)| Unreachable::find(scenario, task, &*system))
+        .map_or(e, MissionError::Unreachable)
 }
 
 /// Plans without sampling.

@@ -57,7 +57,7 @@ pub fn transfer_task(
     let began = Instant::now();
     let task = Arc::new(task);
     let problem = problem(scenario, Arc::clone(&task))?;
-    check_reachable(&task, &*problem.system)?;
+    check_reachable(scenario, &task, &*problem.system)?;
     let chosen = match options.sampler {
         SamplerChoice::Auto => Chosen {
             sampler: Sampler::Uniform,

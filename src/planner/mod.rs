@@ -121,6 +121,8 @@ pub struct NotFound {
     pub stats: Stats,
     /// The least number of automaton steps that were left to an accepting state.
     pub steps_left: u32,
+    /// How many states of the automaton the search was in, and how many there are.
+    pub states: [usize; 2],
     /// The letters that would have brought it one step further, from the states it reached.
     pub missing: LetterSet,
     /// Why the search ended.
@@ -153,9 +155,11 @@ impl NotFound {
                 }
             }
         }
+        let count = task.nba.states().filter(reached).count();
         Self {
             stats,
             steps_left,
+            states: [count, task.nba.len()],
             missing,
             reason,
             edges,

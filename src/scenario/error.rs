@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 use crate::ltl::ParseError;
+use crate::maps::MapError;
 
 use crate::system::GridError;
 use crate::workspace::{PolygonError, WorkspaceError};
@@ -119,7 +120,7 @@ pub enum ScenarioErrorKind {
         y: f64,
     },
     /// The start lies in an obstacle.
-    #[error("the start ({x}, {y}) lies inside obstacle {obstacle}: move one of them")]
+    #[error("the start ({x}, {y}) lies inside {name}: move one of them")]
     StartInObstacle {
         /// Its x coordinate, map units.
         x: f64,
@@ -127,7 +128,17 @@ pub enum ScenarioErrorKind {
         y: f64,
         /// The obstacle, counted from 1.
         obstacle: usize,
+        /// What it is called.
+        name: String,
     },
+    /// The robot's radius is no length, or the map is too narrow for it.
+    #[error(
+        "the robot's radius is {0}: expected a number from 0 to less than half the map's width"
+    )]
+    RobotRadius(f64),
+    /// The map file cannot be used.
+    #[error("the map: {0}")]
+    Map(#[source] MapError),
     /// The weight is not a share.
     #[error(
         "the weight is {0}: expected a number from 0 (only the suffix counts) to 1 (only the prefix)"

@@ -18,12 +18,30 @@
 //! A `grid = { cells = [20, 20], cell = 0.05 }` in `[workspace]` lets the robot move between centres of
 //! cells only, along rows and columns; missions may then speak of the next waypoint (`X`).
 //!
+//! A map file may stand for bounds and obstacles, with regions and further obstacles beside it, and a
+//! robot that is no point has a radius, by which obstacles grow and bounds shrink:
+//!
+//! ```toml
+//! start = [1.5, 2.0]
+//! task = "<> desk"
+//! robot_radius = 0.2                 # metres
+//!
+//! [map]
+//! file = "office.yaml"               # .yaml (ROS), .map (MovingAI) or .geojson, beside this file
+//! tolerance = 0.45                   # how far outlines of cells may move, in cells; the default
+//! unknown = "obstacle"               # or "free"; MovingAI: also `water`, `swamp` and `cell` (metres)
+//!
+//! [workspace.regions]
+//! desk = [[4, 2], [5, 2], [5, 3], [4, 3]]
+//! ```
+//!
 //! JSON says the same with the same names; a `.jsonl` file holds one such object a line. Unknown
 //! fields are errors, and every error names file, line and column.
 
 mod error;
 mod locate;
 mod read;
+mod resolve;
 pub(crate) mod snippet;
 mod spec;
 
@@ -115,11 +133,44 @@ impl Scenario {
         path: impl AsRef<Path>,
     ) -> Result<Vec<Result<Self, ScenarioError>>, ScenarioError> {
         let path = path.as_ref();
-        let load = |spec: Result<(ScenarioSpec, Source), ScenarioError>| {
-            let (spec, source) = spec?;
-            Self::check(&spec, Some(&source), &Overrides::default()).map_err(|e| e.in_file(path))
-        };
-        Ok(read::read_many(path)?.into_iter().map(load).collect())
+        let all = read::read_many(path)?;
+        Ok(all
+            .into_iter()
+            .map(|one| Self::checked(path, one))
+            .collect())
+    }
+
+    /// As [`load_all`](Self::load_all), for text that stands in no file (yet): `path` says by its
+    /// ending what the text is, and where the map files lie that it names.
+    ///
+    /// # Errors
+    /// As [`load_all`](Self::load_all).
+    ///
+    /// ```
+    /// use nngtl::scenario::Scenario;
+    /// let text = r#"{"start": [1, 1], "task": "true", "workspace": {"bounds": [[0, 0], [2, 2]]}}"#;
+    /// let scenarios = Scenario::parse_all("memory.json", text)?;
+    /// assert!(scenarios[0].is_ok());
+    /// # Ok::<(), nngtl::scenario::ScenarioError>(())
+    /// ```
+    pub fn parse_all(
+        path: impl AsRef<Path>,
+        text: &str,
+    ) -> Result<Vec<Result<Self, ScenarioError>>, ScenarioError> {
+        let path = path.as_ref();
+        let all = read::read_text_of(path, Ok(text.to_owned()))?;
+        Ok(all
+            .into_iter()
+            .map(|one| Self::checked(path, one))
+            .collect())
+    }
+
+    fn checked(
+        path: &Path,
+        one: Result<(ScenarioSpec, Source), ScenarioError>,
+    ) -> Result<Self, ScenarioError> {
+        let (spec, source) = one?;
+        Self::check(&spec, Some(&source), &Overrides::default()).map_err(|e| e.in_file(path))
     }
 
     /// Checks a scenario that was made in memory.
@@ -151,7 +202,9 @@ impl Scenario {
             ScenarioError::new(kind).at(source.and_then(|s| s.place(path)))
         };
         let map = Step::Key("workspace");
-        let workspace = Arc::new(build_workspace(&spec.workspace, &fail)?);
+        let names = source.map(|s| s.obstacle_names.clone());
+        let workspace = build_workspace(&spec.workspace, &fail)?;
+        let workspace = Arc::new(workspace.with_obstacle_names(names.unwrap_or_default()));
         let start = check_start(spec.start, &workspace)
             .map_err(|kind| fail(kind, &[Step::Key("start")]))?;
         if let Some(grid) = spec.workspace.grid {
@@ -270,6 +323,7 @@ fn check_start([x, y]: [f64; 2], workspace: &Workspace) -> Result<Point2<f64>, S
             x,
             y,
             obstacle: i + 1,
+            name: workspace.obstacle_name(i),
         }),
     }
 }

@@ -7,7 +7,8 @@ use std::path::Path;
 
 use super::error::{Place, ScenarioError, ScenarioErrorKind as Kind};
 use super::locate::{Step, Syntax, locate, offset_of};
-use super::spec::ScenarioSpec;
+use super::resolve::resolve;
+use super::spec::{ScenarioFile, ScenarioSpec};
 
 /// The largest scenario file that is read, in bytes (256 MiB: a `.jsonl` file holds many).
 pub const MAX_BYTES: u64 = 256 << 20;
@@ -22,6 +23,8 @@ pub(super) struct Source {
     syntax: Syntax,
     /// Line number of the text's first line in its file, from 1.
     first_line: usize,
+    /// What to call obstacles, once they are known.
+    pub(super) obstacle_names: Vec<String>,
 }
 
 impl Source {
@@ -54,7 +57,7 @@ impl Source {
         }
     }
 
-    fn parse(&self) -> Result<ScenarioSpec, ScenarioError> {
+    fn parse(&self) -> Result<ScenarioFile, ScenarioError> {
         if self.text.len() > MAX_SCENARIO_BYTES {
             let limit = MAX_SCENARIO_BYTES as u64;
             return Err(Kind::TooLarge { limit }.into());
@@ -92,10 +95,21 @@ pub(super) type Read1 = Result<(ScenarioSpec, Source), ScenarioError>;
 
 /// Reads every scenario of a file. The outer error is about the file as a whole.
 pub(super) fn read_many(path: &Path) -> Result<Vec<Read1>, ScenarioError> {
-    let sources = split(path).map_err(|e| ScenarioError::new(e).in_file(path))?;
-    let parse = |source: Source| match source.parse() {
-        Ok(spec) => Ok((named(spec, path, &source), source)),
-        Err(e) => Err(e.in_file(path)),
+    let text = read_text(path);
+    read_text_of(path, text)
+}
+
+/// As [`read_many`], for the text of the file.
+pub(super) fn read_text_of(
+    path: &Path,
+    text: Result<String, Kind>,
+) -> Result<Vec<Read1>, ScenarioError> {
+    let sources = split(path, text).map_err(|e| ScenarioError::new(e).in_file(path))?;
+    let parse = |mut source: Source| {
+        let resolved = source.parse().and_then(|f| resolve(f, path, &source));
+        let (spec, names) = resolved.map_err(|e| e.in_file(path))?;
+        source.obstacle_names = names;
+        Ok((named(spec, path, &source), source))
     };
     Ok(sources.into_iter().map(parse).collect())
 }
@@ -135,23 +149,24 @@ pub(super) fn read_one(path: &Path, pick: Option<&str>) -> Read1 {
     })
 }
 
-fn split(path: &Path) -> Result<Vec<Source>, Kind> {
+fn split(path: &Path, text: Result<String, Kind>) -> Result<Vec<Source>, Kind> {
     let ending = path
         .extension()
         .map(|e| e.to_string_lossy().to_ascii_lowercase())
         .unwrap_or_default();
-    let one = |syntax| {
-        let text = read_text(path)?;
+    let one = |syntax, text: Result<String, Kind>| {
+        let text = text?;
         Ok(vec![Source {
             text,
             syntax,
             first_line: 1,
+            obstacle_names: Vec::new(),
         }])
     };
     match ending.as_str() {
-        "toml" => one(Syntax::Toml),
-        "json" => one(Syntax::Json),
-        "jsonl" | "ndjson" => Ok(lines(&read_text(path)?)),
+        "toml" => one(Syntax::Toml, text),
+        "json" => one(Syntax::Json, text),
+        "jsonl" | "ndjson" => Ok(lines(&text?)),
         _ => Err(Kind::UnknownEnding { found: ending }),
     }
 }
@@ -164,6 +179,7 @@ fn lines(text: &str) -> Vec<Source> {
             text: line.to_owned(),
             syntax: Syntax::Json,
             first_line: i + 1,
+            obstacle_names: Vec::new(),
         })
         .collect()
 }

@@ -7,13 +7,15 @@ const WINDOW: usize = 60;
 
 /// Shows the line in which `span` begins, with carets below it.
 pub(crate) fn show(text: &str, first_line: usize, span: &Range<usize>) -> String {
-    let start = span.start.min(text.len());
+    // A place may be stated in bytes, within a character.
+    let start = text.floor_char_boundary(span.start);
+    let end = text.ceil_char_boundary(span.end.min(text.len()));
     let line_start = text[..start].rfind('\n').map_or(0, |i| i + 1);
     let line_end = text[start..].find('\n').map_or(text.len(), |i| start + i);
     let line = first_line + text[..start].matches('\n').count();
     let before: Vec<char> = text[line_start..start].chars().collect();
     let after: Vec<char> = text[start..line_end].trim_end().chars().collect();
-    let meant = text[start..span.end.clamp(start, line_end)].chars().count();
+    let meant = text[start..end.clamp(start, line_end)].chars().count();
 
     let cut_left = before.len().saturating_sub(WINDOW);
     let cut_right = after.len().min(WINDOW);
@@ -66,5 +68,8 @@ mod tests {
     fn places_beyond_the_text_do_not_panic() {
         assert!(show("", 1, &(0..0)).contains('^'));
         assert!(show("ab", 1, &(9..12)).contains('^'));
+        // Half of a character, as a fuzzer found it behind a byte-order mark.
+        assert!(show("a\u{feff}b", 1, &(1..2)).contains('^'));
+        assert!(show("a\u{feff}b", 1, &(2..3)).contains('^'));
     }
 }

@@ -6,6 +6,8 @@ use serde::de::{Error as _, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::maps::{MapOptions, Units};
+
 /// The weight λ of a scenario that names none (the published TL-RRT* planner's).
 pub const DEFAULT_WEIGHT: f64 = 0.2;
 
@@ -29,6 +31,72 @@ pub struct ScenarioSpec {
     pub weight: f64,
     /// The map.
     pub workspace: WorkspaceSpec,
+}
+
+/// A scenario as it stands in its file, where a map file and a robot's radius may take the place of
+/// bounds and obstacles.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ScenarioFile {
+    #[serde(default)]
+    pub(super) name: String,
+    pub(super) start: Option<[f64; 2]>,
+    pub(super) task: Option<String>,
+    #[serde(default = "default_weight")]
+    pub(super) weight: f64,
+    #[serde(default)]
+    pub(super) robot_radius: f64,
+    pub(super) map: Option<MapSpec>,
+    pub(super) workspace: Option<WorkspaceFile>,
+}
+
+/// The `[workspace]` of a [`ScenarioFile`].
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct WorkspaceFile {
+    pub(super) bounds: Option<[[f64; 2]; 2]>,
+    #[serde(default)]
+    pub(super) obstacles: Vec<Vec<[f64; 2]>>,
+    #[serde(default)]
+    pub(super) regions: RegionSpecs,
+    pub(super) grid: Option<GridSpec>,
+}
+
+/// The `[map]` of a scenario file: which map file, and how to read it.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MapSpec {
+    pub(super) file: String,
+    tolerance: Option<f64>,
+    unknown: Option<Ground>,
+    swamp: Option<Ground>,
+    water: Option<Ground>,
+    cell: Option<f64>,
+    units: Option<Units>,
+    reference: Option<[f64; 2]>,
+}
+
+/// What a kind of cell is for the robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Ground {
+    Free,
+    Obstacle,
+}
+
+impl MapSpec {
+    pub(super) fn options(&self, robot_radius: f64) -> MapOptions {
+        MapOptions {
+            robot_radius,
+            tolerance: self.tolerance,
+            unknown_is_free: self.unknown == Some(Ground::Free),
+            swamp_is_obstacle: self.swamp == Some(Ground::Obstacle),
+            water_is_free: self.water == Some(Ground::Free),
+            cell: self.cell,
+            units: self.units,
+            reference: self.reference,
+        }
+    }
 }
 
 /// The map part of a [`ScenarioSpec`].

@@ -61,7 +61,7 @@ impl Continuous {
             Place::Obstacle(obstacle) => return Err(StartError::InObstacle { x, y, obstacle }),
         };
         let graph = VisibilityGraph::new(map);
-        let from_start = graph.paths_to(start);
+        let here = graph.component_at(start);
         let alphabet = graph.map().alphabet();
         let reached = |letter: Letter| -> Vec<Landmark> {
             let cells = graph.map().cells(letter).iter();
@@ -70,7 +70,7 @@ impl Continuous {
                 area: c.area(),
             });
             landmark
-                .filter(|l| from_start.first_leg(&graph, l.at).is_some())
+                .filter(|l| graph.component_at(l.at) == here)
                 .collect()
         };
         let landmarks: Vec<Vec<Landmark>> = alphabet.letters().map(reached).collect();
@@ -109,6 +109,12 @@ impl Continuous {
     #[must_use]
     pub fn start(&self) -> Spot {
         self.start
+    }
+
+    /// Which obstacle corners see each other, and what hangs together.
+    #[must_use]
+    pub fn graph(&self) -> &VisibilityGraph {
+        &self.graph
     }
 
     /// The shortest obstacle-free path between two free points, ends included.
@@ -178,9 +184,13 @@ impl TransitionSystem for Continuous {
         if self.map().is_free_between(from, to) {
             return Some(to);
         }
+        if !keep {
+            return self.graph.first_leg(from, to);
+        }
         let paths = self.paths_to(to, keep);
         paths.first_leg(&self.graph, from).map(|(_, at)| at)
     }
+
     fn part(&self, spot: &Spot) -> Option<u32> {
         let cells = self.map().cells(spot.letter);
         let parts = &self.parts[spot.letter.index()];

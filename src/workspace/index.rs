@@ -8,7 +8,8 @@ use parry2d_f64::bounding_volume::Aabb;
 use parry2d_f64::math::Vector;
 use parry2d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
 
-use super::Polygon;
+use super::bands::Bands;
+use super::{Polygon, Side};
 
 /// One edge of one polygon of the map.
 #[derive(Clone, Copy, Debug)]
@@ -26,6 +27,7 @@ pub(super) struct PolygonIndex {
     edges: Vec<Edge>,
     edge_tree: Bvh,
     polygon_tree: Bvh,
+    bands: Vec<Option<Bands>>,
 }
 
 impl PolygonIndex {
@@ -34,6 +36,7 @@ impl PolygonIndex {
         polygons: impl Iterator<Item = &'a Polygon> + Clone,
         tolerance: f64,
     ) -> Self {
+        let polygons_again = polygons.clone();
         let edges: Vec<Edge> = polygons
             .clone()
             .enumerate()
@@ -52,10 +55,27 @@ impl PolygonIndex {
         let boxes: Vec<Aabb> = polygons
             .map(|p| boxed(p.min(), p.max(), tolerance))
             .collect();
+        let bands = polygons_again.map(|p| Bands::new(p, tolerance)).collect();
         Self {
+            bands,
             edges,
             edge_tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &edge_boxes),
             polygon_tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes),
+        }
+    }
+
+    /// Where `p` lies with respect to a polygon, as [`Polygon::side_of`] says, for a tolerance no
+    /// larger than that of the index. Long borders are searched in bands.
+    pub(super) fn side_of(
+        &self,
+        i: usize,
+        polygon: &Polygon,
+        p: Point2<f64>,
+        tolerance: f64,
+    ) -> Side {
+        match &self.bands[i] {
+            Some(bands) => bands.side_of(polygon, p, tolerance),
+            None => polygon.side_of(p, tolerance),
         }
     }
 
@@ -83,6 +103,39 @@ impl std::fmt::Debug for PolygonIndex {
         f.debug_struct("PolygonIndex")
             .field("edges", &self.edges.len())
             .finish_non_exhaustive()
+    }
+}
+
+/// A bounding-volume hierarchy over boxes.
+#[derive(Clone)]
+pub(super) struct BoxIndex(Bvh);
+
+impl BoxIndex {
+    /// Indexes boxes, given by their lowest and highest corners and widened by `margin`.
+    pub(super) fn new(
+        boxes: impl Iterator<Item = (Point2<f64>, Point2<f64>)>,
+        margin: f64,
+    ) -> Self {
+        let boxes: Vec<Aabb> = boxes.map(|(min, max)| boxed(min, max, margin)).collect();
+        Self(Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes))
+    }
+
+    /// The boxes that contain `p`.
+    pub(super) fn at(&self, p: Point2<f64>) -> impl Iterator<Item = usize> + '_ {
+        self.near(p, p)
+    }
+
+    /// The boxes that the segment `ab` meets.
+    pub(super) fn near(&self, a: Point2<f64>, b: Point2<f64>) -> impl Iterator<Item = usize> + '_ {
+        self.0
+            .leaves(move |node| segment_meets(node, a, b))
+            .map(|i| i as usize)
+    }
+}
+
+impl std::fmt::Debug for BoxIndex {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("BoxIndex").finish_non_exhaustive()
     }
 }
 

@@ -5,23 +5,30 @@
 //! point. Obstacles may overlap, regions too; where obstacles share a border with each other or with
 //! the bounds there is no gap between them.
 
+mod bands;
 mod cells;
 mod index;
+mod lines;
+mod mesh;
 mod polygon;
 mod trace;
 pub mod visibility;
+mod walls;
 
 use std::sync::Arc;
 
 use nalgebra::Point2;
+use smallvec::SmallVec;
 
 use crate::alphabet::{Alphabet, AlphabetError, Letter, Props};
 use crate::random::Random;
 use index::PolygonIndex;
 
 pub use cells::Cell;
+pub(crate) use polygon::segments_meet;
 pub use polygon::{Polygon, PolygonError, Side};
 pub use trace::{Blocked, Stretch};
+pub use walls::Enclosure;
 
 /// Coordinates beyond this magnitude are refused: tolerances would lose their meaning.
 pub const MAX_COORDINATE: f64 = 1e9;
@@ -136,6 +143,8 @@ pub enum WorkspaceError {
 pub struct Workspace {
     bounds: Bounds,
     obstacles: Vec<Polygon>,
+    /// What obstacles are called; those beyond the end by their numbers.
+    obstacle_names: Vec<String>,
     regions: Vec<Region>,
     alphabet: Arc<Alphabet>,
     tolerance: f64,
@@ -182,11 +191,13 @@ impl Workspace {
         let alphabet = Arc::new(Alphabet::new(names, parts.iter().map(|&(props, _)| props))?);
         let mut cells = vec![Vec::new(); alphabet.len()];
         let mut workspace = Self {
-            obstacle_index: PolygonIndex::new(obstacles.iter(), tolerance),
+            // Walls are looked up by points that snapping may have moved a little.
+            obstacle_index: PolygonIndex::new(obstacles.iter(), 4.0 * tolerance),
             region_index: PolygonIndex::new(regions.iter().map(|r| &r.polygon), tolerance),
             cells: Vec::new(),
             bounds,
             obstacles,
+            obstacle_names: Vec::new(),
             regions,
             alphabet,
             tolerance,
@@ -211,6 +222,23 @@ impl Workspace {
     #[must_use]
     pub fn obstacles(&self) -> &[Polygon] {
         &self.obstacles
+    }
+
+    /// Names obstacles, in their order, for messages; they need not differ. Those without a name
+    /// go by their number.
+    #[must_use]
+    pub fn with_obstacle_names(mut self, names: Vec<String>) -> Self {
+        self.obstacle_names = names;
+        self
+    }
+
+    /// What messages call an obstacle: its name, or its number counted from 1.
+    #[must_use]
+    pub fn obstacle_name(&self, i: usize) -> String {
+        match self.obstacle_names.get(i) {
+            Some(name) if !name.is_empty() => name.clone(),
+            _ => format!("obstacle {}", i + 1),
+        }
     }
 
     /// The regions, as given.
@@ -280,7 +308,7 @@ impl Workspace {
         let mut props = Props::EMPTY;
         let mut on_boundary = false;
         for i in self.region_index.polygons_near(p) {
-            match self.regions[i].polygon.side_of(p, self.tolerance) {
+            match self.region_side(i, p) {
                 Side::Inside => props = props.with(i),
                 Side::Boundary => on_boundary = true,
                 Side::Outside => {}
@@ -309,12 +337,69 @@ impl Workspace {
         }
     }
 
-    /// The lowest-numbered obstacle whose interior contains `p`.
+    /// The lowest-numbered obstacle whose interior contains `p`, or, where several obstacles meet and
+    /// leave nothing free around `p`, that touches it.
     fn obstacle_at(&self, p: Point2<f64>) -> Option<usize> {
-        self.obstacle_index
+        let (inside, touching) = self.obstacles_at(p);
+        if inside.is_some() || touching.is_empty() {
+            return inside;
+        }
+        // Alone, a border has free space along it, unless it is that of the map.
+        let reach = 8.0 * self.tolerance;
+        if touching.len() == 1 && self.is_within(p, reach) {
+            return None;
+        }
+        let solid = |k: usize| {
+            let angle = (k as f64 + 0.5) * std::f64::consts::TAU / 48.0;
+            let off = nalgebra::Vector2::new(libm::cos(angle), libm::sin(angle)) * reach;
+            if !self.bounds.contains(p + off) {
+                return true;
+            }
+            let (inside, touching) = self.obstacles_at(p + off);
+            inside.is_some() || touching.len() > 1
+        };
+        (0..48).all(solid).then(|| touching.iter().min().copied())?
+    }
+
+    /// The first obstacle that holds `p`, and those whose borders run there.
+    fn obstacles_at(&self, p: Point2<f64>) -> (Option<usize>, SmallVec<[usize; 4]>) {
+        let (mut inside, mut touching) = (None, SmallVec::new());
+        for i in self.obstacle_index.polygons_near(p) {
+            match self.obstacle_side(i, p) {
+                Side::Inside => inside = Some(inside.map_or(i, |j: usize| j.min(i))),
+                Side::Boundary => touching.push(i),
+                Side::Outside => {}
+            }
+        }
+        (inside, touching)
+    }
+
+    /// Whether `p` lies within the bounds, further than `margin` from their edges.
+    fn is_within(&self, p: Point2<f64>, margin: f64) -> bool {
+        p.x > self.bounds.min.x + margin
+            && p.y > self.bounds.min.y + margin
+            && p.x < self.bounds.max.x - margin
+            && p.y < self.bounds.max.y - margin
+    }
+
+    /// Where `p` lies with respect to an obstacle.
+    fn obstacle_side(&self, i: usize, p: Point2<f64>) -> Side {
+        let index = &self.obstacle_index;
+        index.side_of(i, &self.obstacles[i], p, self.tolerance)
+    }
+
+    /// Where `p` lies with respect to a region.
+    fn region_side(&self, i: usize, p: Point2<f64>) -> Side {
+        let index = &self.region_index;
+        index.side_of(i, &self.regions[i].polygon, p, self.tolerance)
+    }
+
+    /// Whether `p` lies in an obstacle or within `tolerance` (at most the map's) of one.
+    fn is_on_obstacle(&self, p: Point2<f64>, tolerance: f64) -> bool {
+        let index = &self.obstacle_index;
+        index
             .polygons_near(p)
-            .filter(|&i| self.obstacles[i].side_of(p, self.tolerance) == Side::Inside)
-            .min()
+            .any(|i| index.side_of(i, &self.obstacles[i], p, tolerance) != Side::Outside)
     }
 
     /// A point uniform over the free space.

@@ -2,6 +2,8 @@
 
 use nalgebra::Point2;
 
+use super::MAX_COORDINATE;
+
 /// Where a point lies with respect to an open polygon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
@@ -17,6 +19,19 @@ pub enum Side {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PolygonError {
+    /// A coordinate is too large.
+    #[error(
+        "vertex {index} is ({x}, {y}): coordinates must lie within ±{max:e}",
+        max = super::MAX_COORDINATE
+    )]
+    TooFar {
+        /// The vertex, counted from 0.
+        index: usize,
+        /// Its x coordinate.
+        x: f64,
+        /// Its y coordinate.
+        y: f64,
+    },
     /// Fewer than three different vertices.
     #[error("a polygon needs at least 3 different vertices, found {0}")]
     TooFewVertices(usize),
@@ -79,6 +94,10 @@ impl Polygon {
                 let (x, y) = (v.x, v.y);
                 return Err(PolygonError::NotFinite { index, x, y });
             }
+            if v.x.abs().max(v.y.abs()) > MAX_COORDINATE {
+                let (x, y) = (v.x, v.y);
+                return Err(PolygonError::TooFar { index, x, y });
+            }
         }
         vertices.dedup();
         while vertices.len() > 1 && vertices.first() == vertices.last() {
@@ -140,28 +159,42 @@ impl Polygon {
     /// Where `p` lies, with everything within `tolerance` (map units) of the border on it.
     #[must_use]
     pub fn side_of(&self, p: Point2<f64>, tolerance: f64) -> Side {
-        let beyond = p.x < self.min.x - tolerance
-            || p.y < self.min.y - tolerance
-            || p.x > self.max.x + tolerance
-            || p.y > self.max.y + tolerance;
-        if beyond {
+        if self.is_beyond(p, tolerance) {
             return Side::Outside;
         }
-        let mut inside = false;
-        let mut a = self.vertices[self.vertices.len() - 1];
-        for &b in &self.vertices {
-            if near_edge(p, a, b, tolerance) {
-                return Side::Boundary;
-            }
-            // Half-open rule on y, so that a ray through a vertex counts it once.
-            if (a.y > p.y) != (b.y > p.y) {
-                let x = a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x);
-                inside ^= p.x < x;
-            }
-            a = b;
-        }
-        if inside { Side::Inside } else { Side::Outside }
+        let n = self.vertices.len();
+        let before = |i: usize| self.vertices[if i == 0 { n - 1 } else { i - 1 }];
+        let edges = (0..n).map(|i| (before(i), self.vertices[i]));
+        side_of_edges(edges, p, tolerance)
     }
+
+    /// Whether `p` lies further than the tolerance outside the bounding box.
+    pub(super) fn is_beyond(&self, p: Point2<f64>, tolerance: f64) -> bool {
+        p.x < self.min.x - tolerance
+            || p.y < self.min.y - tolerance
+            || p.x > self.max.x + tolerance
+            || p.y > self.max.y + tolerance
+    }
+}
+
+/// Where `p` lies by the edges that a ray from it towards larger x may meet, and those near it.
+pub(super) fn side_of_edges(
+    edges: impl Iterator<Item = (Point2<f64>, Point2<f64>)>,
+    p: Point2<f64>,
+    tolerance: f64,
+) -> Side {
+    let mut inside = false;
+    for (a, b) in edges {
+        if near_edge(p, a, b, tolerance) {
+            return Side::Boundary;
+        }
+        // Half-open rule on y, so that a ray through a vertex counts it once.
+        if (a.y > p.y) != (b.y > p.y) {
+            let x = a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x);
+            inside ^= p.x < x;
+        }
+    }
+    if inside { Side::Inside } else { Side::Outside }
 }
 
 /// Whether `p` lies within `tolerance` of the segment `ab`.
@@ -226,6 +259,11 @@ fn folds_back(vertices: &[Point2<f64>], i: usize) -> Option<Point2<f64>> {
     let v = vertices[i];
     let (into, out) = (v - vertices[(i + n - 1) % n], vertices[(i + 1) % n] - v);
     (into.perp(&out) == 0.0 && into.dot(&out) < 0.0).then_some(v)
+}
+
+/// Whether two closed segments share a point.
+pub(crate) fn segments_meet(a: [Point2<f64>; 2], b: [Point2<f64>; 2]) -> bool {
+    meeting_point((a[0], a[1]), (b[0], b[1])).is_some()
 }
 
 /// A point that two closed segments share, if any.

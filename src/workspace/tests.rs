@@ -278,3 +278,167 @@ fn traces_agree_with_points_on_random_maps() {
         }
     }
 }
+
+/// A square with a border of many teeth, so that it is searched in bands.
+fn comb(teeth: usize) -> Polygon {
+    let mut points = vec![p(0.1, 0.9), p(0.1, 0.1)];
+    for i in 0..teeth {
+        let x = |k: f64| 0.1 + 0.8 * (i as f64 + k) / teeth as f64;
+        points.extend([
+            p(x(0.3), 0.1),
+            p(x(0.3), 0.8),
+            p(x(0.7), 0.8),
+            p(x(0.7), 0.1),
+        ]);
+    }
+    points.extend([p(0.9, 0.1), p(0.9, 0.9)]);
+    Polygon::new(points).unwrap()
+}
+
+#[test]
+fn bands_change_no_answer() {
+    let polygon = comb(40);
+    let m = map(vec![polygon.clone()], vec![]);
+    let mut random = generator(5, 0);
+    for i in 0..20_000 {
+        let mut q = p(unit(&mut random), unit(&mut random));
+        if i % 3 == 0 {
+            q.y = [0.1, 0.8, 0.9, 0.8 + 5e-10][i / 3 % 4];
+        }
+        let slow = polygon.side_of(q, m.tolerance());
+        assert_eq!(m.obstacle_side(0, q), slow, "{q}");
+    }
+}
+
+/// The length of the shortest path by brute force: every pair of corners is tested.
+fn brute_force(m: &Workspace, a: Point2<f64>, b: Point2<f64>) -> Option<f64> {
+    let mut nodes: Vec<Point2<f64>> = m
+        .obstacles()
+        .iter()
+        .flat_map(|o| o.vertices().iter().copied())
+        .filter(|&c| m.letter_at(c).is_some())
+        .collect();
+    nodes.extend([a, b]);
+    let n = nodes.len();
+    let mut length = vec![f64::INFINITY; n];
+    let mut done = vec![false; n];
+    length[n - 2] = 0.0;
+    loop {
+        let open = (0..n).filter(|&i| !done[i] && length[i].is_finite());
+        let i = open.min_by(|&i, &j| length[i].total_cmp(&length[j]))?;
+        if i == n - 1 {
+            return Some(length[i]);
+        }
+        done[i] = true;
+        for j in 0..n {
+            let through = length[i] + (nodes[j] - nodes[i]).norm();
+            if !done[j] && through < length[j] && m.is_free_segment(nodes[i], nodes[j]) {
+                length[j] = through;
+            }
+        }
+    }
+}
+
+/// Shortest paths and connectedness agree with brute force, on random obstacles that overlap and on
+/// rectangles on a coarse grid, which touch along borders and at corners.
+#[test]
+fn shortest_paths_agree_with_brute_force() {
+    let (mut joined, mut apart) = (0, 0);
+    for seed in 0..150 {
+        let mut random = generator(seed, 9);
+        let mut obstacles = Vec::new();
+        for i in 0..14 {
+            let mut draw = || unit(&mut random);
+            let polygon = if seed % 2 == 0 {
+                let (x, y) = ((draw() * 8.0).floor() / 8.0, (draw() * 8.0).floor() / 8.0);
+                let (w, h) = if draw() < 0.5 {
+                    (0.375, 0.125)
+                } else {
+                    (0.125, 0.375)
+                };
+                Ok(rectangle(x, y, x + w, y + h))
+            } else {
+                let c = p(draw(), draw());
+                let corners = (0..3 + i % 4).map(|k| {
+                    let angle = std::f64::consts::TAU * k as f64 / (3 + i % 4) as f64;
+                    let r = 0.05 + 0.25 * draw();
+                    p(c.x + r * libm::cos(angle), c.y + r * libm::sin(angle))
+                });
+                Polygon::new(corners.collect())
+            };
+            obstacles.extend(polygon);
+        }
+        let Ok(m) = Workspace::new(Bounds::unit(), obstacles, vec![]) else {
+            continue;
+        };
+        let m = Arc::new(m);
+        let graph = VisibilityGraph::new(Arc::clone(&m));
+        for _ in 0..6 {
+            let (a, b) = (m.sample_free(&mut random), m.sample_free(&mut random));
+            let paths = graph.paths_to(b);
+            let found = paths.first_leg(&graph, a);
+            let expected = brute_force(&m, a, b);
+            let same = graph.component_at(a) == graph.component_at(b);
+            assert_eq!(
+                expected.is_some(),
+                same,
+                "seed {seed}: {a} to {b}: {:?}",
+                paths.path(&graph, a)
+            );
+            assert_eq!(graph.between(a, b).is_none(), same);
+            match (found, expected) {
+                (Some((length, bend)), Some(expected)) => {
+                    assert!(
+                        (length - expected).abs() < 1e-7,
+                        "seed {seed}: {a} to {b}: {length} {expected}"
+                    );
+                    let leg = graph.first_leg(a, b).unwrap();
+                    let rest = |via: Point2<f64>| {
+                        (via - a).norm() + paths.first_leg(&graph, via).map_or(0.0, |l| l.0)
+                    };
+                    assert!(
+                        (rest(leg) - rest(bend)).abs() < 1e-7,
+                        "seed {seed}: {leg} or {bend}"
+                    );
+                    joined += 1;
+                }
+                (None, None) => {
+                    assert!(graph.first_leg(a, b).is_none());
+                    apart += 1;
+                }
+                other => panic!("seed {seed}: {a} to {b}: {other:?}"),
+            }
+        }
+    }
+    assert!(joined > 300 && apart > 50, "{joined} joined, {apart} apart");
+}
+
+#[test]
+fn walls_are_named() {
+    let walls = vec![
+        rectangle(0.05, 0.05, 0.1, 0.1), // far away
+        rectangle(0.2, 0.2, 0.8, 0.3),
+        rectangle(0.2, 0.7, 0.8, 0.8),
+        rectangle(0.2, 0.3, 0.3, 0.7),
+        rectangle(0.7, 0.3, 0.8, 0.7),
+        rectangle(0.45, 0.45, 0.5, 0.5), // inside
+    ];
+    let vault = region("vault", rectangle(0.55, 0.55, 0.65, 0.65));
+    let m = Arc::new(map(walls, vec![vault]));
+    let graph = VisibilityGraph::new(m);
+    let (outside, inside) = (p(0.9, 0.9), p(0.6, 0.6));
+    let e = graph.between(outside, inside).unwrap();
+    assert_eq!((e.first, e.bounds), (false, false));
+    assert_eq!(e.obstacles, [1, 2, 3, 4]);
+    assert_eq!(e.regions, [0]);
+    assert!((e.area - (0.16 - 0.0025)).abs() < 1e-9);
+    let turned = graph.between(inside, outside).unwrap();
+    assert_eq!((turned.first, turned.obstacles), (true, e.obstacles));
+    assert!(graph.between(outside, p(0.01, 0.5)).is_none());
+
+    // A corner of the map is cut off by one obstacle and the bounds.
+    let m = Arc::new(map(vec![rectangle(0.4, -1.0, 0.5, 2.0)], vec![]));
+    let graph = VisibilityGraph::new(m);
+    let e = graph.between(p(0.1, 0.5), p(0.9, 0.5)).unwrap();
+    assert_eq!((e.first, e.bounds, e.obstacles), (true, true, vec![0]));
+}

@@ -3,7 +3,7 @@
 use nalgebra::{Point2, Vector2};
 use smallvec::SmallVec;
 
-use super::{Place, Polygon, Side, Workspace};
+use super::{Place, Side, Workspace};
 use crate::alphabet::{Letter, Props};
 
 /// A piece of a segment along which the letter stays the same.
@@ -97,8 +97,9 @@ impl Workspace {
     }
 
     /// The letters along the segment `ab`, in order, neighbours different. A letter counts where
-    /// it holds over positive length: shared borders and touched corners make none. A segment of
-    /// no length has the one letter of its point.
+    /// it holds over positive length: shared borders and touched corners make none. That of an end
+    /// that lies off all borders counts, however thin the region is there. A segment of no length
+    /// has the one letter of its point.
     ///
     /// # Errors
     /// The first obstacle found in the way, or that the segment leaves the bounds.
@@ -108,7 +109,28 @@ impl Workspace {
             return Err(blocked);
         }
         let base = self.letter_at(a).unwrap_or(Letter(0));
-        Ok(self.stretches(a, b, base)?.into_vec())
+        let mut found = self.stretches(a, b, base)?.into_vec();
+        let firm = |p| match self.locate(p) {
+            Place::Free {
+                letter,
+                on_boundary: false,
+            } => Some(letter),
+            _ => None,
+        };
+        let length = (b - a).norm();
+        if length > self.tolerance {
+            // Pieces too short to tell from rounding are left out, but not those at ends.
+            let share = self.tolerance / length;
+            if let Some(letter) = firm(a).filter(|&l| found[0].letter != l) {
+                found[0].start = share;
+                found.insert(0, Stretch { start: 0.0, letter });
+            }
+            if let Some(letter) = firm(b).filter(|&l| found[found.len() - 1].letter != l) {
+                let start = 1.0 - share;
+                found.push(Stretch { start, letter });
+            }
+        }
+        Ok(found)
     }
 
     /// The transition relation of the paper (`nngtl.md`, II-A): the segment `ab` meets no
@@ -185,30 +207,43 @@ impl Workspace {
         let mut blocked = None;
         for_each_interval(&events, &segment, self.tolerance, |polygon, from, to| {
             if blocked.is_none() {
-                blocked = self.blocked_on(&segment, polygon as usize, from, to);
+                blocked = self.blocked_on(&segment, polygon as usize, [from, to], &events);
             }
         });
         blocked
     }
 
-    /// Whether the piece of `segment` between two events runs inside `polygon`, or along its
+    /// Whether the piece of `segment` between two events of `polygon` runs inside it, or along its
     /// border with another obstacle or the end of the map on the other side: what shares a border
     /// leaves no gap.
-    fn blocked_on(&self, segment: &Segment, polygon: usize, from: f64, to: f64) -> Option<Blocked> {
+    fn blocked_on(
+        &self,
+        segment: &Segment,
+        polygon: usize,
+        [from, to]: [f64; 2],
+        events: &Events,
+    ) -> Option<Blocked> {
+        let blocked = |at| {
+            let by = Some(polygon);
+            Some(Blocked { by, at })
+        };
         let middle = segment.at((from + to) / 2.0);
-        let blocked = Some(Blocked {
-            by: Some(polygon),
-            at: middle,
-        });
-        match self.obstacles[polygon].side_of(middle, self.tolerance) {
-            Side::Inside => blocked,
+        match self.obstacle_side(polygon, middle) {
+            Side::Inside => blocked(middle),
             Side::Outside => None,
             Side::Boundary => {
+                // The other side may change wherever another border is met.
+                let mut cuts: SmallVec<[f64; 16]> = events.iter().map(|&(_, t)| t).collect();
+                cuts.retain(|t| from < *t && *t < to);
+                cuts.extend([from, to]);
+                cuts.sort_by(f64::total_cmp);
                 let off = segment.normal * (8.0 * self.tolerance);
                 let solid = |p| !self.bounds.contains(p) || self.obstacle_at(p).is_some();
-                (solid(middle + off) && solid(middle - off))
-                    .then_some(blocked)
-                    .flatten()
+                cuts.windows(2)
+                    .filter(|w| (w[1] - w[0]) * segment.length > 2.0 * self.tolerance)
+                    .map(|w| segment.at((w[0] + w[1]) / 2.0))
+                    .find(|&p| solid(p + off) && solid(p - off))
+                    .and_then(blocked)
             }
         }
     }
@@ -251,8 +286,7 @@ impl Workspace {
         for_each_interval(&events, &segment, self.tolerance, |polygon, from, to| {
             let polygon = polygon as usize;
             let middle = segment.at((from + to) / 2.0);
-            let shape: &Polygon = &self.regions[polygon].polygon;
-            if shape.side_of(middle, self.tolerance) == Side::Inside {
+            if self.region_side(polygon, middle) == Side::Inside {
                 inside.push((polygon, from, to));
                 cuts.extend([from, to]);
             }

@@ -1,18 +1,27 @@
 //! Shortest obstacle-free paths between points of the map, by a visibility graph.
 //!
-//! A shortest path bends only at convex corners of obstacles, and only tangentially. Corners are
-//! collected once; which of them see each other is found when first asked for and kept. From
-//! all corners to a target, distances are found once per target ([`VisibilityGraph::paths_to`]); a
-//! query from a point then tests corners in the order of what a path through them would cost and
-//! stops at the first one that it sees.
+//! A shortest path bends only at convex corners of obstacles, and only tangentially. Which corners
+//! see each other is found when first asked for, by looking through the [mesh](super::mesh) of the
+//! free space, and kept up to [a bound](MAX_LINKS). From all corners to a target, distances are found
+//! once per target ([`VisibilityGraph::paths_to`]); a query from a point then needs the corners that it
+//! sees. For a target that is asked for once, [`VisibilityGraph::first_leg`] searches from both ends of
+//! what is needed only.
 
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, HashMap};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use nalgebra::Point2;
+use smallvec::SmallVec;
 
-use super::{Polygon, Side, Workspace};
+use super::mesh::Mesh;
+use super::walls::Enclosure;
+use super::{Polygon, Workspace};
+
+/// Links between corners that are kept at most (16 bytes each: 256 MiB). Those of further corners
+/// are found anew whenever they are needed.
+pub const MAX_LINKS: usize = 16 << 20;
 
 /// A convex corner of an obstacle, with its neighbours along the border.
 #[derive(Clone, Copy, Debug)]
@@ -41,8 +50,13 @@ type Links = Box<[(u32, f64)]>;
 #[derive(Debug)]
 pub struct VisibilityGraph {
     map: Arc<Workspace>,
+    mesh: Mesh,
     corners: Vec<Corner>,
+    /// For each point of the mesh the corners there.
+    corners_at: Vec<SmallVec<[u32; 1]>>,
     neighbours: Vec<OnceLock<Links>>,
+    /// How many links are kept so far.
+    kept: AtomicUsize,
 }
 
 /// Shortest paths from everywhere to one target.
@@ -74,28 +88,30 @@ impl PartialOrd for Entry {
 }
 
 impl VisibilityGraph {
-    /// Collects the corners of the map's obstacles; edges are found when first needed.
+    /// Triangulates the free space and collects the corners of the map's obstacles; which of them
+    /// see each other is found when first needed.
     #[must_use]
     pub fn new(map: Arc<Workspace>) -> Self {
+        let mesh = Mesh::new(&map);
         let obstacles = map.obstacles();
-        let exposed = |i: usize, p: Point2<f64>| {
-            map.bounds().contains(p)
-                && !obstacles
-                    .iter()
-                    .enumerate()
-                    .any(|(j, o)| j != i && o.side_of(p, map.tolerance()) == Side::Inside)
-        };
         let corners: Vec<Corner> = obstacles
             .iter()
-            .enumerate()
-            .flat_map(|(i, o)| convex_corners(o).map(move |c| (i, c)))
-            .filter(|&(i, c)| exposed(i, c.at))
-            .map(|(_, c)| c)
+            .flat_map(convex_corners)
+            .filter(|c| map.bounds().contains(c.at) && map.obstacle_at(c.at).is_none())
             .collect();
+        let mut corners_at = vec![SmallVec::new(); mesh.len()];
+        for (i, corner) in corners.iter().enumerate() {
+            if let Some(p) = mesh.point_at(corner.at) {
+                corners_at[p as usize].push(i as u32);
+            }
+        }
         Self {
             neighbours: (0..corners.len()).map(|_| OnceLock::new()).collect(),
+            kept: AtomicUsize::new(0),
             map,
+            mesh,
             corners,
+            corners_at,
         }
     }
 
@@ -110,6 +126,19 @@ impl VisibilityGraph {
         self.corners.iter().map(|c| c.at)
     }
 
+    /// A number for the connected part of the free space that holds `p`: two free points have a
+    /// path between them if and only if theirs are equal. `None` away from free space.
+    #[must_use]
+    pub fn component_at(&self, p: Point2<f64>) -> Option<u32> {
+        self.mesh.component_at(p)
+    }
+
+    /// What keeps two points of the free space apart; `None` if a path joins them.
+    #[must_use]
+    pub fn between(&self, a: Point2<f64>, b: Point2<f64>) -> Option<Enclosure> {
+        Enclosure::between(&self.map, &self.mesh, a, b)
+    }
+
     /// Shortest paths from every corner to `target` (Dijkstra's algorithm, backwards).
     #[must_use]
     pub fn paths_to(&self, target: Point2<f64>) -> PathsTo {
@@ -120,43 +149,118 @@ impl VisibilityGraph {
             next: vec![None; n],
         };
         let mut queue = BinaryHeap::new();
-        for (i, corner) in self.corners.iter().enumerate() {
-            if corner.is_tangent(target) && self.map.is_free_segment(corner.at, target) {
-                paths.lengths[i] = (target - corner.at).norm();
-                queue.push(Reverse(Entry(paths.lengths[i], i as u32)));
+        for (i, length) in self.seen_from(target) {
+            if self.sees(i, target) {
+                paths.lengths[i as usize] = length;
+                queue.push(Reverse(Entry(length, i)));
             }
         }
         while let Some(Reverse(Entry(length, i))) = queue.pop() {
             if length > paths.lengths[i as usize] {
                 continue;
             }
-            for &(j, edge) in self.neighbours(i as usize) {
+            self.with_neighbours(i, |j, edge| {
                 let through = length + edge;
                 if through < paths.lengths[j as usize] {
                     paths.lengths[j as usize] = through;
                     paths.next[j as usize] = Some(i);
                     queue.push(Reverse(Entry(through, j)));
                 }
-            }
+            });
         }
         paths
     }
 
-    fn neighbours(&self, i: usize) -> &[(u32, f64)] {
-        self.neighbours[i].get_or_init(|| {
-            let from = self.corners[i];
-            let sees = |to: &Corner| {
-                from.is_tangent(to.at)
-                    && to.is_tangent(from.at)
-                    && self.map.is_free_segment(from.at, to.at)
-            };
-            self.corners
-                .iter()
-                .enumerate()
-                .filter(|&(j, to)| j != i && sees(to))
-                .map(|(j, to)| (j as u32, (to.at - from.at).norm()))
-                .collect()
-        })
+    /// The first point at which the shortest path between two free points bends (`to` itself if
+    /// that is in sight); `None` if there is no path. For one query this is faster than
+    /// [`Self::paths_to`] (A\*: Hart, Nilsson, Raphael 1968).
+    #[must_use]
+    pub fn first_leg(&self, from: Point2<f64>, to: Point2<f64>) -> Option<Point2<f64>> {
+        if self.map.is_free_between(from, to) {
+            return Some(to);
+        }
+        if self.component_at(from) != self.component_at(to) {
+            return None;
+        }
+        // Backwards, so that the corner that reaches `from` is the answer.
+        let ends: HashMap<u32, f64> = self.seen_from(from).into_iter().collect();
+        let mut lengths: HashMap<u32, f64> = HashMap::new();
+        let mut queue = BinaryHeap::new();
+        let ahead = |i: u32| (self.corners[i as usize].at - from).norm();
+        for (i, length) in self.seen_from(to) {
+            if self.sees(i, to) {
+                lengths.insert(i, length);
+                queue.push(Reverse((Entry(length + ahead(i), i), false)));
+            }
+        }
+        while let Some(Reverse((Entry(bound, i), complete))) = queue.pop() {
+            if complete {
+                return Some(self.corners[i as usize].at);
+            }
+            let length = lengths[&i];
+            if bound > length + ahead(i) {
+                continue;
+            }
+            if ends.contains_key(&i) && self.sees(i, from) {
+                queue.push(Reverse((Entry(bound, i), true)));
+            }
+            self.with_neighbours(i, |j, edge| {
+                let through = length + edge;
+                let known = lengths.entry(j).or_insert(f64::INFINITY);
+                if through < *known {
+                    *known = through;
+                    queue.push(Reverse((Entry(through + ahead(j), j), false)));
+                }
+            });
+        }
+        None
+    }
+
+    /// The corners that are seen from a point and may be bent at on the way there, with their
+    /// distances, by number. The mesh decides; [`Self::sees`] confirms.
+    fn seen_from(&self, from: Point2<f64>) -> Vec<(u32, f64)> {
+        let mut seen: Vec<u32> = Vec::new();
+        let found = self.mesh.visible(from, &mut |p| {
+            seen.extend(&self.corners_at[p as usize]);
+        });
+        if !found {
+            // Within an obstacle by a rounding error.
+            seen.extend(0..self.corners.len() as u32);
+        }
+        seen.sort_unstable();
+        seen.dedup();
+        let corner = |i: u32| &self.corners[i as usize];
+        seen.into_iter()
+            .filter(|&i| corner(i).is_tangent(from))
+            .map(|i| (i, (corner(i).at - from).norm()))
+            .collect()
+    }
+
+    /// Whether the segment from a corner to a free point is free, by the map's own test.
+    fn sees(&self, i: u32, p: Point2<f64>) -> bool {
+        self.map.is_free_between(self.corners[i as usize].at, p)
+    }
+
+    fn with_neighbours(&self, i: u32, mut visit: impl FnMut(u32, f64)) {
+        let kept = &self.neighbours[i as usize];
+        if kept.get().is_none() && self.kept.load(Ordering::Relaxed) >= MAX_LINKS {
+            let found = self.neighbours(i);
+            return found.iter().for_each(|&(j, length)| visit(j, length));
+        }
+        let links = kept.get_or_init(|| {
+            let found = self.neighbours(i);
+            self.kept.fetch_add(found.len(), Ordering::Relaxed);
+            found
+        });
+        links.iter().for_each(|&(j, length)| visit(j, length));
+    }
+
+    fn neighbours(&self, i: u32) -> Links {
+        let from = self.corners[i as usize];
+        let seen = self.seen_from(from.at).into_iter();
+        seen.filter(|&(j, _)| j != i && from.is_tangent(self.corners[j as usize].at))
+            .filter(|&(j, _)| self.sees(j, from.at))
+            .collect()
     }
 }
 
@@ -195,26 +299,18 @@ impl PathsTo {
     }
 
     fn entry(&self, graph: &VisibilityGraph, from: Point2<f64>) -> Option<(f64, Option<u32>)> {
-        let map = &graph.map;
-        if map.is_free_between(from, self.target) {
+        if graph.map.is_free_between(from, self.target) {
             return Some(((self.target - from).norm(), None));
         }
-        let mut queue: BinaryHeap<Reverse<Entry>> = graph
-            .corners
-            .iter()
-            .zip(&self.lengths)
-            .enumerate()
-            .filter(|(_, (corner, length))| length.is_finite() && corner.is_tangent(from))
-            .map(|(i, (corner, length))| {
-                Reverse(Entry((corner.at - from).norm() + length, i as u32))
-            })
+        let mut seen: Vec<(f64, u32)> = graph
+            .seen_from(from)
+            .into_iter()
+            .map(|(i, length)| (length + self.lengths[i as usize], i))
+            .filter(|(length, _)| length.is_finite())
             .collect();
-        while let Some(Reverse(Entry(length, i))) = queue.pop() {
-            if map.is_free_between(from, graph.corners[i as usize].at) {
-                return Some((length, Some(i)));
-            }
-        }
-        None
+        seen.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let (length, i) = seen.into_iter().find(|&(_, i)| graph.sees(i, from))?;
+        Some((length, Some(i)))
     }
 }
 

@@ -1,0 +1,8 @@
+//! `cargo +nightly fuzz run formula` (from the root of the repository).
+#![no_main]
+
+#[allow(dead_code)]
+#[path = "../../tests/fuzz_entries/mod.rs"]
+mod entries;
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| entries::formula(data));

@@ -1,0 +1,373 @@
+//! Why a mission has no plan: which facts of the map stand in the way.
+
+use std::fmt;
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use crate::alphabet::{Alphabet, Letter, LetterSet, Props};
+use crate::automaton::{Limits, Task, translate};
+use crate::ltl::Formula;
+use crate::scenario::Scenario;
+use crate::system::{Continuous, TransitionSystem};
+use crate::workspace::{Enclosure, Workspace};
+
+/// Formulas over more regions than this are not explained in detail: there is an automaton to
+/// make for each fact, over all sets of the regions.
+const MAX_REGIONS: usize = 7;
+
+/// Obstacles that are named in a sentence at most.
+const NAMED: usize = 8;
+
+/// Something that holds everywhere on a map.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum LetterFact {
+    /// No point of the region is free.
+    Hidden {
+        /// The region.
+        region: String,
+    },
+    /// No free point lies in both regions.
+    Disjoint {
+        /// One region.
+        region: String,
+        /// The other.
+        other: String,
+    },
+    /// Every free point of the region lies in the other.
+    Inside {
+        /// The inner region.
+        region: String,
+        /// The outer one.
+        other: String,
+    },
+    /// Every free point lies in one of the regions that the formula names.
+    Covered,
+}
+
+impl fmt::Display for LetterFact {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Hidden { region } => write!(
+                f,
+                "no point of `{region}` is free (obstacles cover it, or it lies outside the bounds)"
+            ),
+            Self::Disjoint { region, other } => {
+                write!(f, "`{region}` and `{other}` have no free point in common")
+            }
+            Self::Inside { region, other } => {
+                write!(f, "every free point of `{region}` lies in `{other}`")
+            }
+            Self::Covered => {
+                f.write_str("every free point lies in one of the regions that the task names")
+            }
+        }
+    }
+}
+
+/// A formula that some sequence of letters satisfies, but none of this map's.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the formula can be satisfied, but not on this map: {}", self.reason())]
+pub struct NotOnThisMap {
+    /// Facts of the map that together rule the formula out, none of which can be left out. Empty
+    /// if facts about single regions and pairs do not suffice.
+    pub facts: Vec<LetterFact>,
+    /// How many letters occur on the map.
+    pub letters: usize,
+}
+
+impl NotOnThisMap {
+    /// Finds the facts of the map that rule out a formula.
+    #[must_use]
+    pub fn new(formula: &Formula, alphabet: &Alphabet) -> Self {
+        let names = formula.propositions();
+        let regions: Vec<usize> = names
+            .iter()
+            .filter_map(|name| alphabet.proposition(name))
+            .collect();
+        let mut facts = Facts::of(alphabet, &regions);
+        let complete = regions.len() == names.len() && regions.len() <= MAX_REGIONS;
+        if !complete || !facts.rule_out(formula, alphabet) {
+            facts.0.clear();
+        }
+        // Whatever is not needed is left out, one fact after the other.
+        let mut i = 0;
+        while i < facts.0.len() {
+            let mut fewer = facts.clone();
+            fewer.0.remove(i);
+            if fewer.rule_out(formula, alphabet) {
+                facts = fewer;
+            } else {
+                i += 1;
+            }
+        }
+        let name = |i: usize| alphabet.propositions()[i].clone();
+        let named = |fact: &Fact| match *fact {
+            Fact::Never(i) => LetterFact::Hidden { region: name(i) },
+            Fact::NotBoth(i, j) => LetterFact::Disjoint {
+                region: name(i),
+                other: name(j),
+            },
+            Fact::Implies(i, j) => LetterFact::Inside {
+                region: name(i),
+                other: name(j),
+            },
+            Fact::Some => LetterFact::Covered,
+        };
+        Self {
+            facts: facts.0.iter().map(named).collect(),
+            letters: alphabet.len(),
+        }
+    }
+
+    fn reason(&self) -> String {
+        if self.facts.is_empty() {
+            return format!(
+                "it needs regions to hold together, or apart, as they never do here ({} sets of regions occur)",
+                self.letters
+            );
+        }
+        let facts: Vec<String> = self.facts.iter().map(ToString::to_string).collect();
+        join(&facts)
+    }
+}
+
+/// A fact about regions, by their numbers.
+#[derive(Clone, Copy, Debug)]
+enum Fact {
+    Never(usize),
+    NotBoth(usize, usize),
+    Implies(usize, usize),
+    Some,
+}
+
+#[derive(Clone, Debug)]
+struct Facts(Vec<Fact>);
+
+impl Facts {
+    /// What holds of the regions, alone and in pairs, wherever the robot can be.
+    fn of(alphabet: &Alphabet, regions: &[usize]) -> Self {
+        let letters: Vec<Props> = alphabet.letters().map(|l| alphabet.props(l)).collect();
+        let occurs = |test: &dyn Fn(Props) -> bool| letters.iter().any(|&p| test(p));
+        let mut facts = Vec::new();
+        let (seen, never): (Vec<usize>, Vec<usize>) =
+            regions.iter().partition(|&&i| occurs(&|p| p.contains(i)));
+        facts.extend(never.into_iter().map(Fact::Never));
+        for (k, &i) in seen.iter().enumerate() {
+            for &j in &seen[k + 1..] {
+                if !occurs(&|p| p.contains(i) && p.contains(j)) {
+                    facts.push(Fact::NotBoth(i, j));
+                }
+                for (i, j) in [(i, j), (j, i)] {
+                    if !occurs(&|p| p.contains(i) && !p.contains(j)) {
+                        facts.push(Fact::Implies(i, j));
+                    }
+                }
+            }
+        }
+        if !occurs(&|p| regions.iter().all(|&i| !p.contains(i))) {
+            facts.push(Fact::Some);
+        }
+        Self(facts)
+    }
+
+    /// Whether no word over letters that obey the facts satisfies the formula. What cannot be
+    /// translated counts as satisfiable.
+    fn rule_out(&self, formula: &Formula, alphabet: &Alphabet) -> bool {
+        let names = formula.propositions();
+        let regions: Vec<usize> = names
+            .iter()
+            .filter_map(|name| alphabet.proposition(name))
+            .collect();
+        let obeys = |set: u64| {
+            let has = |i: usize| {
+                let k = regions.iter().position(|&r| r == i);
+                k.is_some_and(|k| set >> k & 1 == 1)
+            };
+            self.0.iter().all(|fact| match *fact {
+                Fact::Never(i) => !has(i),
+                Fact::NotBoth(i, j) => !(has(i) && has(j)),
+                Fact::Implies(i, j) => !has(i) || has(j),
+                Fact::Some => set != 0,
+            })
+        };
+        let sets = (0..1_u64 << regions.len()).filter(|&s| obeys(s)).map(Props);
+        let names = regions
+            .iter()
+            .map(|&i| alphabet.propositions()[i].clone())
+            .collect();
+        Alphabet::new(names, sets).is_ok_and(|letters| {
+            translate(formula, Arc::new(letters), &Limits::default())
+                .is_ok_and(|nba| nba.is_empty())
+        })
+    }
+}
+
+/// A mission that needs places which the robot cannot reach.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("no plan exists: {}", self.reason())]
+pub struct Unreachable {
+    /// The places that would be needed, one entry for each set of regions.
+    pub places: Vec<OutOfReach>,
+}
+
+/// A set of regions that holds nowhere that the robot can reach.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OutOfReach {
+    /// The set of regions, as it is printed: `{a,b}`.
+    pub letter: String,
+    /// The regions of that set.
+    pub regions: Vec<String>,
+    /// What closes it off, one entry for each connected part where the set holds; empty where no
+    /// walls do (on a grid whose cells do not lead there).
+    pub walls: Vec<Walls>,
+}
+
+/// What closes a part of the map off.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Walls {
+    /// Whether it is the robot's start that is closed in, and not the place that is needed.
+    pub around_start: bool,
+    /// The obstacles around it, by their names or numbers in the scenario.
+    pub obstacles: Vec<String>,
+    /// Whether the end of the map is part of the enclosure.
+    pub bounds: bool,
+    /// The regions that lie in the closed part, wholly or partly.
+    pub regions: Vec<String>,
+}
+
+impl Unreachable {
+    /// Explains why nothing is accepted where the robot can go; `None` if something is.
+    #[must_use]
+    pub fn find(scenario: &Scenario, task: &Task, system: &dyn TransitionSystem) -> Option<Self> {
+        let reachable = system.reachable();
+        if accepts(task, reachable) {
+            return None;
+        }
+        let alphabet = &task.nba.alphabet;
+        let beyond = alphabet.letters().filter(|&l| !reachable.contains(l));
+        let beyond: Vec<Letter> = beyond.collect();
+        let mut needed = beyond.clone();
+        for &letter in &beyond {
+            let mut fewer = reachable.clone();
+            needed
+                .iter()
+                .filter(|&&l| l != letter)
+                .for_each(|&l| fewer.insert(l));
+            if accepts(task, &fewer) {
+                needed.retain(|&l| l != letter);
+            }
+        }
+        let map = Arc::clone(&scenario.workspace);
+        let world = Continuous::new(map, scenario.start).ok();
+        let place = |letter: Letter| {
+            let props = alphabet.props(letter);
+            let name = |i: usize| alphabet.propositions()[i].clone();
+            OutOfReach {
+                letter: alphabet.show(letter),
+                regions: props.iter().map(name).collect(),
+                walls: world.iter().flat_map(|w| walls(w, letter)).collect(),
+            }
+        };
+        Some(Self {
+            places: needed.into_iter().map(place).collect(),
+        })
+    }
+
+    fn reason(&self) -> String {
+        let place = |place: &OutOfReach| {
+            let mut text = format!("{} cannot be reached from the start", place.letter);
+            if let Some(first) = place.walls.first() {
+                text.push_str(": ");
+                text.push_str(&first.sentence(&place.letter));
+                let more = place.walls.len() - 1;
+                if more > 0 {
+                    text.push_str(&format!(" (and {more} more such places)"));
+                }
+            }
+            text
+        };
+        let places: Vec<String> = self.places.iter().map(place).collect();
+        places.join("; ")
+    }
+}
+
+impl Walls {
+    fn new(map: &Workspace, enclosure: &Enclosure) -> Self {
+        let mut obstacles: Vec<String> = Vec::new();
+        for &i in &enclosure.obstacles {
+            let name = map.obstacle_name(i);
+            if !obstacles.contains(&name) {
+                obstacles.push(name);
+            }
+        }
+        let region = |&i: &usize| map.regions()[i].name.clone();
+        Self {
+            around_start: enclosure.first,
+            obstacles,
+            bounds: enclosure.bounds,
+            regions: enclosure.regions.iter().map(region).collect(),
+        }
+    }
+
+    fn sentence(&self, letter: &str) -> String {
+        let what = if self.around_start {
+            "the start"
+        } else {
+            letter
+        };
+        let mut by: Vec<String> = self.obstacles.iter().take(NAMED).cloned().collect();
+        let more = self.obstacles.len() - by.len();
+        if more > 0 {
+            by.push(format!("{more} more obstacles"));
+        }
+        if self.bounds {
+            by.push("the end of the map".to_owned());
+        }
+        let mut text = format!("{what} is walled in by {}", join(&by));
+        if self.around_start && !self.regions.is_empty() {
+            let names: Vec<String> = self.regions.iter().map(|r| format!("`{r}`")).collect();
+            text.push_str(&format!(", together with {}", join(&names)));
+        }
+        text
+    }
+}
+
+/// What lies between the start and each part of the map that carries the letter.
+fn walls(world: &Continuous, letter: Letter) -> Vec<Walls> {
+    let map = world.map();
+    let mut found: Vec<Walls> = Vec::new();
+    for cell in map.cells(letter) {
+        let between = world.graph().between(world.start().at, cell.inner_point());
+        if let Some(enclosure) = between {
+            let walls = Walls::new(map, &enclosure);
+            if !found.contains(&walls) {
+                found.push(walls);
+            }
+        }
+    }
+    found
+}
+
+/// Whether some word over these letters is accepted.
+fn accepts(task: &Task, letters: &LetterSet) -> bool {
+    let mut left = task.nba.clone();
+    for row in &mut left.transitions {
+        for transition in row.iter_mut() {
+            transition.guard.intersect_with(letters);
+        }
+        row.retain(|t| !t.guard.is_empty());
+    }
+    !left.trimmed().is_empty()
+}
+
+/// `a, b and c`.
+fn join(parts: &[String]) -> String {
+    match parts {
+        [] => String::new(),
+        [one] => one.clone(),
+        [most @ .., last] => format!("{} and {last}", most.join(", ")),
+    }
+}

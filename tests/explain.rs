@@ -1,0 +1,126 @@
+//! Missions without a plan: each says why, by the facts of its map.
+
+use nngtl::automaton::TaskError;
+use nngtl::mission::{self, LetterFact, MissionError, Options, SamplerChoice};
+use nngtl::planner::{PlanError, Settings};
+use nngtl::scenario::{Scenario, ScenarioSpec};
+
+const MAP: &str = r#"
+start = [0.5, 0.05]
+[workspace]
+bounds = [[0, 0], [1, 1]]
+obstacles = [
+    [[0.0, 0.6], [0.3, 0.6], [0.3, 0.65], [0.0, 0.65]],
+    [[0.3, 0.6], [0.35, 0.6], [0.35, 1.0], [0.3, 1.0]],
+    [[0.7, 0.7], [0.8, 0.7], [0.8, 0.8], [0.7, 0.8]],
+]
+[workspace.regions]
+a = [[0.1, 0.1], [0.3, 0.1], [0.3, 0.3], [0.1, 0.3]]
+inner = [[0.15, 0.15], [0.2, 0.15], [0.2, 0.2], [0.15, 0.2]]
+b = [[0.6, 0.1], [0.8, 0.1], [0.8, 0.3], [0.6, 0.3]]
+locked = [[0.1, 0.75], [0.2, 0.75], [0.2, 0.85], [0.1, 0.85]]
+buried = [[0.72, 0.72], [0.78, 0.72], [0.78, 0.78], [0.72, 0.78]]
+"#;
+
+fn failure(task: &str, sampler: SamplerChoice, iterations: u64) -> MissionError {
+    let mut spec: ScenarioSpec = toml::from_str(MAP).unwrap();
+    spec.task = Some(task.to_owned());
+    let scenario = Scenario::from_spec(&spec).unwrap();
+    let options = Options {
+        sampler,
+        settings: Settings {
+            iterations,
+            ..Settings::default()
+        },
+        ..Options::default()
+    };
+    mission::plan(&scenario, &options).expect_err(task)
+}
+
+#[test]
+fn formulas_that_nothing_satisfies_are_told_apart_from_those_that_this_map_rules_out() {
+    let why = failure("<> a && [] !a", SamplerChoice::Biased, 10);
+    assert!(
+        matches!(why, MissionError::Task(TaskError::Unsatisfiable)),
+        "{why}"
+    );
+
+    let facts = |task| match failure(task, SamplerChoice::Biased, 10) {
+        MissionError::NotOnThisMap(why) => why.facts,
+        other => panic!("{task}: {other}"),
+    };
+    let disjoint = LetterFact::Disjoint {
+        region: "a".into(),
+        other: "b".into(),
+    };
+    assert_eq!(facts("<> (a && b)"), [disjoint.clone()]);
+    assert_eq!(facts("<> (a && b) && [] (inner -> a)"), [disjoint]);
+    let inside = LetterFact::Inside {
+        region: "inner".into(),
+        other: "a".into(),
+    };
+    assert_eq!(facts("<> inner && [] !a"), [inside]);
+    let hidden = LetterFact::Hidden {
+        region: "buried".into(),
+    };
+    assert_eq!(facts("<> buried || <> (buried && a)"), [hidden]);
+    let both = facts("<> (a && b) || (<> inner && [] !a)");
+    assert_eq!(both.len(), 2, "{both:?}");
+}
+
+#[test]
+fn walls_are_named_for_every_sampler() {
+    for sampler in [SamplerChoice::Biased, SamplerChoice::Exact] {
+        let why = failure("<> a && <> locked", sampler, 10);
+        let text = why.to_string();
+        let MissionError::Unreachable(why) = why else {
+            panic!("{text}");
+        };
+        assert_eq!(why.places.len(), 1, "{text}");
+        let place = &why.places[0];
+        assert_eq!(
+            (place.letter.as_str(), &place.regions[..]),
+            ("{locked}", &["locked".to_owned()][..])
+        );
+        let walls = &place.walls[0];
+        assert_eq!(walls.obstacles, ["obstacle 1", "obstacle 2"]);
+        assert!(walls.bounds && !walls.around_start, "{walls:?}");
+        assert!(
+            text.contains("obstacle 1, obstacle 2 and the end of the map"),
+            "{text}"
+        );
+    }
+    // Not needed: not told.
+    let mut spec: ScenarioSpec = toml::from_str(MAP).unwrap();
+    spec.task = Some("<> a || <> locked".to_owned());
+    let scenario = Scenario::from_spec(&spec).unwrap();
+    let options = Options {
+        sampler: SamplerChoice::Exact,
+        ..Options::default()
+    };
+    assert!(mission::plan(&scenario, &options).is_ok());
+    // The robot itself is locked in.
+    spec.start = [0.05, 0.9];
+    spec.task = Some("<> b".to_owned());
+    let scenario = Scenario::from_spec(&spec).unwrap();
+    match mission::plan(&scenario, &options).unwrap_err() {
+        MissionError::Unreachable(why) => {
+            let walls = &why.places[0].walls[0];
+            assert!(walls.around_start, "{why}");
+            assert_eq!(walls.regions, ["locked"]);
+        }
+        other => panic!("{other}"),
+    }
+}
+
+#[test]
+fn a_spent_budget_tells_how_far_the_automaton_got() {
+    match failure("<> (a && <> (b && <> a))", SamplerChoice::Uniform, 1) {
+        MissionError::Plan(PlanError::NotFound(why)) => {
+            let [reached, states] = why.states;
+            assert!(0 < reached && reached < states, "{:?}", why.states);
+            assert!(why.steps_left > 0 && !why.missing.is_empty());
+        }
+        other => panic!("{other}"),
+    }
+}

@@ -117,6 +117,10 @@ impl UNet {
     }
 }
 
+fn yes() -> bool {
+    true
+}
+
 /// StateNet as in the paper (IV-C), with a choice of trunk.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StatePaper {
@@ -134,6 +138,9 @@ pub struct StatePaper {
     pub map_feature: usize,
     /// Width of the first graph layer.
     pub first: usize,
+    /// Whether a ReLU follows the first graph layer; the published network has none there.
+    #[serde(default = "yes")]
+    pub first_relu: bool,
     /// Widths of the other graph layers.
     pub graph: Vec<usize>,
 }

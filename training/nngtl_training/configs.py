@@ -58,6 +58,7 @@ PAPER_STATENET = {
     "trunk_blocks": [3, 4, 6, 3],
     "map_feature": 256,
     "first": 256,
+    "first_relu": False,
     "graph": [128, 256, 512, 256, 128],
     "dropout": 0.5,
 }

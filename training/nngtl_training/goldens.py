@@ -125,6 +125,12 @@ def write(folder):
 def write_example(path, model, tensor, graphs):
     """Writes an input with the model's output; returns the output's least and greatest value and deviation."""
     result = output(model, tensor, graphs)
+    write_golden(path, tensor, graphs, result)
+    return result.min().item(), result.max().item(), result.std().item()
+
+
+def write_golden(path, tensor, graphs, result):
+    """Writes an input with an output."""
     held = {
         "raster": tensor[0].to(torch.int8),
         "states": graphs.states,
@@ -134,7 +140,6 @@ def write_example(path, model, tensor, graphs):
         "output": result.contiguous(),
     }
     path.write_bytes(save(held))
-    return result.min().item(), result.max().item(), result.std().item()
 
 
 def shipped(folder, models_folder):

@@ -95,10 +95,10 @@ def edge_softmax(score, target, count):
 class GraphLayer(nn.Module):
     """Mean over the edge types that end in a node type, then ReLU."""
 
-    def __init__(self, widths, out, reverse):
-        """``widths``: node type → width of its features."""
+    def __init__(self, widths, out, reverse, relu=True):
+        """``widths``: node type → width of its features; without ``relu`` the mean is the output."""
         super().__init__()
-        self.reverse = reverse
+        self.reverse, self.relu = reverse, relu
         for name, (source, target) in ENDS.items():
             if reverse or name not in REVERSE:
                 self.add_module(name, Attention(widths[source], widths[target], out))
@@ -121,11 +121,8 @@ class GraphLayer(nn.Module):
                 transition, state, _arange(transition), graphs.source
             )
             to_transition = to_transition + self.target_to_transition.single(state)[graphs.target]
-        return {
-            "state": F.relu(to_state / kinds),
-            "transition": F.relu(to_transition / kinds),
-            "pool": F.relu(to_pool / 3),
-        }
+        after = {"state": to_state / kinds, "transition": to_transition / kinds, "pool": to_pool / 3}
+        return {kind: F.relu(x) for kind, x in after.items()} if self.relu else after
 
 
 def _arange(rows):

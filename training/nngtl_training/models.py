@@ -227,7 +227,7 @@ class StateNetPaper(nn.Module):
         self.squeeze = nn.Conv2d(1 + config["labels"], 3, 1)
         self.trunk = Trunk(config["trunk"], config["trunk_widths"], config["trunk_blocks"])
         self.project = nn.Linear(self.trunk.outputs, config["map_feature"])
-        self.first = gr.GraphLayer(plain_widths(config), config["first"], False)
+        self.first = gr.GraphLayer(plain_widths(config), config["first"], False, config.get("first_relu", True))
         inputs = dict.fromkeys(gr.NODES, config["first"] + config["map_feature"])
         self.graph = gr.layers(inputs, config["graph"], False)
         self.head = nn.ModuleList([nn.Linear(config["graph"][-1], 256), nn.Linear(256, 2)])

@@ -76,13 +76,13 @@ impl LayerInput {
         program.input(Source::Constant(0.5), own.pool.columns(0, POOL_WIDTH));
     }
 
-    /// One graph layer of width `out`; its results go to `to`.
+    /// One graph layer; its results, as wide as `to`, go there.
     pub(super) fn layer(
         &self,
         source: &mut TensorSource<'_>,
         program: &mut Program,
         prefix: &str,
-        out: usize,
+        activation: Activation,
         to: PerType<Matrix>,
     ) {
         let Self {
@@ -137,7 +137,7 @@ impl LayerInput {
                         target: own.columns,
                     })
                     .collect();
-                let (weight, bias, attention) = source.gat(program, &weights, out);
+                let (weight, bias, attention) = source.gat(program, &weights, y.columns);
                 let mut column = 0;
                 // A node's own loop needs no attention: it is the first, and gathers nothing.
                 for (edge, &attention) in edges.iter().zip(&attention[1..]) {
@@ -157,7 +157,7 @@ impl LayerInput {
                     second,
                     weight,
                     bias,
-                    activation: Activation::Relu,
+                    activation,
                     y,
                 });
             };
@@ -200,7 +200,7 @@ pub(super) fn stack(
             },
             |next| next.own(),
         );
-        input.layer(source, program, &format!("graph.{k}"), out, to);
+        input.layer(source, program, &format!("graph.{k}"), Activation::Relu, to);
         after.push(to);
         input = next.unwrap_or(input);
     }

@@ -82,7 +82,12 @@ pub(super) fn paper(source: &mut TensorSource<'_>, program: &mut Program, c: &St
         transition: first(transition),
         pool: first(pool),
     };
-    input.layer(source, program, "first", c.first, to);
+    let activation = if c.first_relu {
+        Activation::Relu
+    } else {
+        Activation::None
+    };
+    input.layer(source, program, "first", activation, to);
     for nodes in [state, transition, pool] {
         let y = nodes.columns(c.first, c.map_feature);
         program.push(Op::RepeatRow { x: feature, y });

@@ -170,6 +170,9 @@ pub(super) struct SearchArgs {
     /// Largest near radius, relative to the map's side
     #[arg(long, value_name = "R", default_value_t = Settings::default().max_radius)]
     pub(super) max_radius: f64,
+    /// At most this times ln(n+1) near sites of a tree of n are connected, the nearest
+    #[arg(long, value_name = "K", default_value_t = Settings::default().neighbours)]
+    pub(super) neighbours: f64,
     /// Longest new edge, relative to the map's side [default: as drawn]
     #[arg(long, value_name = "R")]
     pub(super) range: Option<f64>,
@@ -179,6 +182,9 @@ pub(super) struct SearchArgs {
     /// Probability to draw towards the target instead of uniformly
     #[arg(long, value_name = "P", default_value_t = Settings::default().y_rand)]
     pub(super) y_rand: f64,
+    /// Probability to draw from a target's region where it is in sight
+    #[arg(long, value_name = "P", default_value_t = Settings::default().p_target)]
+    pub(super) p_target: f64,
     /// Standard deviation of the drawn distance, relative to the map's side
     #[arg(long, value_name = "R", default_value_t = Settings::default().distance_deviation)]
     pub(super) distance_deviation: f64,

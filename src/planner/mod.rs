@@ -9,6 +9,7 @@
 mod sampler;
 mod search;
 mod settings;
+mod split;
 mod suffix;
 mod tree;
 
@@ -23,9 +24,12 @@ use crate::system::{Spot, TransitionSystem};
 
 pub(crate) use sampler::{Aim, Draw, View};
 pub use sampler::{GuidanceError, Guide, HeatmapSums, Sampler};
-pub use search::plan;
+pub use search::{plan, profile};
 pub use settings::{Settings, SettingsError, Stop};
+pub use split::Split;
 pub(crate) use suffix::SuffixTree;
+#[cfg(test)]
+pub(crate) use tree::Near;
 pub use tree::{NodeId, SiteId, Tree};
 
 /// A mission ready for search.

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use super::sampler::{Aim, Draw, Sampler, View};
 use super::settings::{Settings, Stop};
+use super::split::Split;
 use super::suffix::SuffixTree;
 use super::tree::{NodeId, Tree};
 use super::{
@@ -42,9 +43,27 @@ pub fn plan(
     if *problem.task.nba.alphabet != **problem.system.alphabet() {
         return Err(PlanError::Alphabet);
     }
+    Search::new(problem, sampler, settings).finish_after(stop, observe)
+}
+
+/// As [`plan`], and measures where the time goes.
+///
+/// # Errors
+/// As [`plan`].
+pub fn profile(
+    problem: &Problem,
+    sampler: &Sampler,
+    settings: &Settings,
+) -> Result<(Solution, Split), PlanError> {
+    settings.validate()?;
     let mut search = Search::new(problem, sampler, settings);
-    let reason = search.run(stop, observe);
-    search.finish(reason)
+    search.prefix.measure();
+    let reason = search.run(&Stop::new(), &mut |_| {});
+    let mut split = Split::default();
+    search.trees().for_each(|tree| split.add(&tree.split()));
+    let known: f64 = split.parts().iter().map(|&(_, seconds)| seconds).sum();
+    split.other = search.began.elapsed().as_secs_f64() - known;
+    Ok((search.finish(reason)?, split))
 }
 
 /// The best plan so far.
@@ -69,6 +88,8 @@ struct Search<'a> {
     random: Random,
     began: Instant,
     prefix: Tree<'a>,
+    /// By automaton state: whether it is a goal of the prefix.
+    accepting: Vec<bool>,
     /// By letter and automaton state: whether staying is a suffix.
     staying: Vec<Vec<bool>>,
     /// Goals at which staying is not enough, in the order they were found.
@@ -76,6 +97,8 @@ struct Search<'a> {
     suffixes: Vec<SuffixTree<'a>>,
     suffix_of: HashMap<NodeId, usize>,
     suffix_iterations: u64,
+    /// No suffix tree is opened before so many of them.
+    next_opening: u64,
     turn: u64,
     /// For each node of the prefix tree, whether it is known as a goal.
     known: Vec<bool>,
@@ -95,17 +118,31 @@ impl<'a> Search<'a> {
             random: generator(settings.seed, 0),
             began: Instant::now(),
             prefix,
+            accepting: nba
+                .states()
+                .map(|q| problem.task.feasible.binary_search(&q).is_ok())
+                .collect(),
             staying: staying_accepts(&problem.task),
             open_goals: Vec::new(),
             suffixes: Vec::new(),
             suffix_of: HashMap::new(),
             suffix_iterations: 0,
+            next_opening: 0,
             turn: 0,
             known: Vec::new(),
             best: None,
             stats: Stats::default(),
             touched: Vec::new(),
         }
+    }
+
+    fn finish_after(
+        mut self,
+        stop: &Stop,
+        observe: &mut dyn FnMut(Progress),
+    ) -> Result<Solution, PlanError> {
+        let reason = self.run(stop, observe);
+        self.finish(reason)
     }
 
     fn run(&mut self, stop: &Stop, observe: &mut dyn FnMut(Progress)) -> EndReason {
@@ -159,11 +196,15 @@ impl<'a> Search<'a> {
 
     fn choose_suffix(&mut self) -> Option<usize> {
         let trees = self.suffixes.len() as u64;
-        if self.suffix_iterations >= SUFFIX_QUANTUM * trees * trees
-            && let Some(goal) = self.most_promising_goal()
-        {
-            self.open_suffix(goal);
-            return Some(self.suffixes.len() - 1);
+        let due = (SUFFIX_QUANTUM * trees * trees).max(self.next_opening);
+        if self.suffix_iterations >= due {
+            if let Some(goal) = self.most_promising_goal() {
+                self.open_suffix(goal);
+                return Some(self.suffixes.len() - 1);
+            }
+            // Looking through all goals takes time: not again at once.
+            self.next_opening =
+                self.suffix_iterations + SUFFIX_QUANTUM.max(self.open_goals.len() as u64);
         }
         // The tree of the best plan gets every second turn, the others share the rest.
         let best = self.best.as_ref().and_then(|b| self.suffix_of.get(&b.goal));
@@ -216,10 +257,7 @@ impl<'a> Search<'a> {
     }
 
     fn open_suffix(&mut self, goal: NodeId) {
-        let problem = self.problem;
-        let spot = self.prefix.spot(goal);
-        let state = self.prefix.state(goal);
-        let tree = SuffixTree::new(&*problem.system, &problem.task.nba, goal, spot, state);
+        let tree = SuffixTree::of(&self.prefix, goal);
         self.suffix_of.insert(goal, self.suffixes.len());
         self.suffixes.push(tree);
     }
@@ -268,7 +306,7 @@ impl<'a> Search<'a> {
         self.known.resize(self.prefix.len(), false);
         for &node in &touched {
             let state = self.prefix.state(node);
-            if self.problem.task.feasible.binary_search(&state).is_err() {
+            if !self.accepting[state.index()] {
                 continue;
             }
             let letter = self.prefix.spot(node).letter;
@@ -378,6 +416,7 @@ fn grow(
     aim: Aim,
     random: &mut Random,
 ) -> bool {
+    let began = tree.began();
     let view = View {
         system: &*problem.system,
         task: &problem.task,
@@ -400,8 +439,9 @@ fn grow(
     let Some(spot) = problem.system.settle(at) else {
         return false;
     };
-    let radius = settings.near_radius(tree.site_count(), side);
-    tree.extend(spot, radius, &[anchor]).is_some()
+    let near = settings.near(tree.site_count(), side);
+    tree.sampled(began);
+    tree.extend(spot, near, &[anchor]).is_some()
 }
 
 /// The point at most `range` away from `from` in the direction of `to`.

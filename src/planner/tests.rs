@@ -279,7 +279,11 @@ proptest! {
             };
             let spot = system.settle(at).unwrap();
             let anchor = tree.nearest(at);
-            tree.extend(spot, 0.3, &[anchor]);
+            let near = tree::Near {
+                radius: 0.3,
+                count: 20,
+            };
+            tree.extend(spot, near, &[anchor]);
         }
         tree.check(system, &problem.task.nba);
     }

@@ -505,10 +505,8 @@ impl<'a> Search<'a> {
             return;
         };
         self.opened.insert(goal, self.prefix.cost(goal));
-        let (spot, state) = (self.prefix.spot(goal), self.prefix.state(goal));
-        let nba = &self.problem.task.nba;
         let mut suffix = Suffix {
-            tree: SuffixTree::new(self.system(), nba, goal, spot, state),
+            tree: SuffixTree::of(&self.prefix, goal),
             reuser: Reuser::new(self.kit, false),
         };
         self.seed_suffix(&mut suffix, goal);
@@ -663,8 +661,8 @@ fn grow(
     spot: Spot,
 ) -> Option<SiteId> {
     let anchor = tree.nearest(spot.at);
-    let radius = settings.near_radius(tree.site_count(), system.bounds().side());
-    tree.extend(spot, radius, &[anchor])
+    let near = settings.near(tree.site_count(), system.bounds().side());
+    tree.extend(spot, near, &[anchor])
 }
 
 /// Lines 12 to 14: skills and endpoints that the new place leads to.

@@ -170,6 +170,12 @@ pub(super) struct SearchArgs {
     /// Largest near radius, relative to the map's side
     #[arg(long, value_name = "R", default_value_t = Settings::default().max_radius)]
     pub(super) max_radius: f64,
+    /// Shorten the plans that are found (never with --first)
+    #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
+    pub(super) shorten: bool,
+    /// Pass over points that no cheaper plan can visit
+    #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
+    pub(super) informed: bool,
     /// At most this times ln(n+1) near sites of a tree of n are connected, the nearest
     #[arg(long, value_name = "K", default_value_t = Settings::default().neighbours)]
     pub(super) neighbours: f64,

@@ -92,6 +92,8 @@ pub(super) fn options(args: &PlanArgs) -> Options {
             first: search.first,
             radius: search.radius,
             max_radius: search.max_radius,
+            shorten: search.shorten,
+            informed: search.informed,
             neighbours: search.neighbours,
             range: search.range,
             p_closest: search.p_closest,

@@ -24,6 +24,12 @@ pub struct Settings {
     pub radius: f64,
     /// The largest near radius, relative to the map's side.
     pub max_radius: f64,
+    /// Shorten the plans that are found, where the map allows it (see [`crate::shorten`]); never with
+    /// `first`.
+    pub shorten: bool,
+    /// Pass over points and product states that no cheaper plan than the best can visit (J. D. Gammell,
+    /// S. S. Srinivasa, T. D. Barfoot, "Informed RRT*", IROS 2014, with bounds by straight lines).
+    pub informed: bool,
     /// At most `neighbours · ln(n+1)` sites within the near radius, the nearest, are connected: RRT*'s
     /// k-nearest rule, by which an iteration's cost grows with log n however sites cluster. Above
     /// e·(1 + 1/2) ≈ 4.08 it keeps asymptotic optimality in the plane (S. Karaman, E. Frazzoli,
@@ -57,6 +63,8 @@ impl Default for Settings {
             first: false,
             radius: 3.0,
             max_radius: 0.8,
+            shorten: true,
+            informed: true,
             neighbours: 4.5,
             range: None,
             p_closest: 0.9,
@@ -175,6 +183,11 @@ impl Settings {
             radius: shrinking.min(self.max_radius) * side,
             count: (self.neighbours * log).ceil() as usize,
         }
+    }
+
+    /// Whether plans are shortened.
+    pub(crate) fn shortens(&self) -> bool {
+        self.shorten && !self.first
     }
 
     /// The time limit as a duration.

@@ -93,6 +93,8 @@ pub struct Tree<'a> {
     by_state: Vec<Vec<NodeId>>,
     /// Nodes that were added or became cheaper since this was last taken.
     touched: Vec<NodeId>,
+    /// No node of this cost or more is added.
+    limit: f64,
     clock: Clock,
     // Buffers that are kept between calls, so that growing allocates nothing.
     hits: Vec<Hit>,
@@ -193,6 +195,7 @@ impl<'a> Tree<'a> {
             index: SiteIndex::default(),
             by_state: vec![Vec::new(); nba.len()],
             touched: Vec::new(),
+            limit: f64::INFINITY,
             clock: Clock::default(),
             hits: Vec::new(),
             neighbours: Vec::new(),
@@ -313,6 +316,11 @@ impl<'a> Tree<'a> {
     pub(crate) fn at_site(&self, site: SiteId) -> &[(StateId, NodeId)] {
         let site = &self.sites[site.0 as usize];
         &self.here[site.first as usize..][..site.len as usize]
+    }
+
+    /// Adds no nodes from now on that cost as much as `limit` or more.
+    pub(crate) fn limit(&mut self, limit: f64) {
+        self.limit = limit;
     }
 
     /// Measures from now on what growing the tree spends its time on.
@@ -496,6 +504,9 @@ impl<'a> Tree<'a> {
             for i in 0..self.at_site(neighbour.site).len() {
                 let (state, node) = self.at_site(neighbour.site)[i];
                 let cost = self.cost(node) + neighbour.distance;
+                if cost >= self.limit {
+                    continue;
+                }
                 for k in self.steps.range(letter, state) {
                     let target = self.steps.target(k);
                     if ways.cost(target) <= cost {

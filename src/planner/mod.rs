@@ -29,7 +29,6 @@ pub use search::{plan, profile};
 pub use settings::{Settings, SettingsError, Stop};
 pub use split::Split;
 pub(crate) use suffix::SuffixTree;
-#[cfg(test)]
 pub(crate) use tree::Near;
 pub use tree::{NodeId, SiteId, Tree};
 

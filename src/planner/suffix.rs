@@ -39,6 +39,11 @@ impl<'a> SuffixTree<'a> {
         self.best.map(|(length, _)| length)
     }
 
+    /// The nodes that were new or cheaper when it was last tried to close the cycle.
+    pub(crate) fn touched(&self) -> &[NodeId] {
+        &self.touched
+    }
+
     /// Whether anything changed that closes the cycle more cheaply. The closing leg obeys the
     /// segment rule like every other and reads the letter of the place that it leaves.
     pub(crate) fn close(&mut self, system: &dyn TransitionSystem, nba: &Nba) -> bool {

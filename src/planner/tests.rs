@@ -9,7 +9,7 @@ use super::*;
 use crate::alphabet::Alphabet;
 use crate::automaton::{Nba, StateId, Transition};
 use crate::guidance::{Guidance, Heatmap};
-use crate::system::Continuous;
+use crate::system::{Continuous, Grid, TransitionSystem};
 use crate::workspace::{Bounds, Polygon, Region, Workspace};
 
 fn p(x: f64, y: f64) -> Point2<f64> {
@@ -232,6 +232,33 @@ fn a_spent_budget_says_how_far_it_got() {
     assert_eq!(names, ["{a}"]);
 }
 
+/// Connecting a known place in one state can make the node cheaper from which it is to be connected in
+/// another; that saving must not be lost.
+#[test]
+fn costs_stay_sums_of_moves_when_a_place_is_drawn_again() {
+    let grid = Grid::new(map(), [10, 10], 0.1, p(0.05, 0.05)).unwrap();
+    let task = visit(grid.alphabet());
+    let mut tree = Tree::new(&grid, &task, grid.start(), &task.initial);
+    let place = |x, y| grid.settle(p(x, y)).unwrap();
+    // The corridor was reached by a long detour; from it the region was visited. Since then a shorter way
+    // to a place next to the corridor was found.
+    let (corridor, region, aside) = (place(0.75, 0.15), place(0.85, 0.15), place(0.75, 0.25));
+    let sites = [corridor, region, aside].map(|spot| tree.site_for(spot));
+    let (root, before, after) = (tree.in_state(StateId(0))[0], StateId(0), StateId(1));
+    let (slow, _) = tree.hop(root, sites[0], before, 10.0);
+    let (visited, _) = tree.hop(slow, sites[1], before, 0.1);
+    tree.hop(root, sites[0], after, 100.0);
+    tree.hop(root, sites[2], before, 1.0);
+    tree.extend(corridor, Near::ball(1.0), &[]);
+    let cost = |site: SiteId, state: StateId| {
+        let here = tree.at_site(site).iter().find(|(q, _)| *q == state);
+        tree.cost(here.unwrap().1)
+    };
+    assert!((cost(sites[0], before) - 1.1).abs() < 1e-12);
+    assert!((tree.cost(visited) - 1.2).abs() < 1e-12);
+    assert!((cost(sites[0], after) - 1.3).abs() < 1e-12);
+}
+
 #[test]
 fn bad_settings_are_refused_by_name() {
     let problem = problem(p(0.1, 0.1), 0.5, visit);
@@ -279,7 +306,7 @@ proptest! {
             };
             let spot = system.settle(at).unwrap();
             let anchor = tree.nearest(at);
-            let near = tree::Near {
+            let near = Near {
                 radius: 0.3,
                 count: 20,
             };

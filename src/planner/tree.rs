@@ -106,11 +106,19 @@ pub struct Tree<'a> {
     open: Vec<NodeId>,
 }
 
+/// A way into an automaton state: its cost when it was found, the node that it comes from, and the
+/// length of the move from there.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    cost: f64,
+    from: NodeId,
+    length: f64,
+}
+
 /// For each automaton state the cheapest way into it so far.
 #[derive(Clone, Debug)]
 struct Ways {
-    /// Cost, and the node that the way comes from.
-    into: Vec<(f64, NodeId)>,
+    into: Vec<Way>,
     /// The states that some way leads to; in the end sorted by cost, then by number.
     found: Vec<StateId>,
 }
@@ -118,31 +126,38 @@ struct Ways {
 impl Ways {
     fn new(states: usize) -> Self {
         Self {
-            into: vec![(f64::INFINITY, NodeId(NONE)); states],
+            into: vec![
+                Way {
+                    cost: f64::INFINITY,
+                    from: NodeId(NONE),
+                    length: 0.0,
+                };
+                states
+            ],
             found: Vec::with_capacity(states),
         }
     }
 
     fn clear(&mut self) {
         for q in self.found.drain(..) {
-            self.into[q.index()].0 = f64::INFINITY;
+            self.into[q.index()].cost = f64::INFINITY;
         }
     }
 
     fn cost(&self, state: StateId) -> f64 {
-        self.into[state.index()].0
+        self.into[state.index()].cost
     }
 
-    fn set(&mut self, state: StateId, cost: f64, from: NodeId) {
+    fn set(&mut self, state: StateId, cost: f64, from: NodeId, length: f64) {
         if self.cost(state) == f64::INFINITY {
             self.found.push(state);
         }
-        self.into[state.index()] = (cost, from);
+        self.into[state.index()] = Way { cost, from, length };
     }
 
     fn sort(&mut self) {
         let into = &self.into;
-        let cost = |q: &StateId| into[q.index()].0;
+        let cost = |q: &StateId| into[q.index()].cost;
         self.found
             .sort_unstable_by(|a, b| cost(a).total_cmp(&cost(b)).then(a.cmp(b)));
     }
@@ -382,16 +397,24 @@ impl<'a> Tree<'a> {
         }
     }
 
-    /// Makes `(spot, state)` a root too: a place where the path may begin.
-    pub(crate) fn add_root(&mut self, spot: Spot, state: StateId) {
+    /// Makes `(spot, state)` a root too, a place where the path may begin at the given cost, unless it is
+    /// reached more cheaply already.
+    pub(crate) fn add_root(&mut self, spot: Spot, state: StateId, cost: f64) {
         let site = self.site_for(spot);
         match self.node_at(site, state) {
             None => {
-                self.add_node(site, state, 0.0, NONE);
+                self.add_node(site, state, cost, NONE);
             }
-            Some(old) if self.cost(old) > 0.0 => self.reparent(old, NodeId(NONE), 0.0),
+            Some(old) if improves(cost, self.cost(old)) => {
+                self.reparent(old, NodeId(NONE), cost);
+            }
             Some(_) => {}
         }
+    }
+
+    /// The node of a place in an automaton state, if the tree holds it.
+    pub(crate) fn find(&self, at: Point2<f64>, state: StateId) -> Option<NodeId> {
+        self.node_at(self.index.at(at)?, state)
     }
 
     /// Extend and Rewire (`nngtl.md`, III-A, steps 3 to 6): connects `spot` in every automaton
@@ -431,8 +454,9 @@ impl<'a> Tree<'a> {
         let known = self.index.at(spot.at);
         let site = known.unwrap_or_else(|| self.add_site(spot));
         for &state in &ways.found {
-            let (cost, parent) = ways.into[state.index()];
-            self.connect(site, state, cost, parent.0);
+            // Of a known place the parent can have become cheaper by what was connected before.
+            let Way { from, length, .. } = ways.into[state.index()];
+            self.connect(site, state, self.cost(from) + length, from.0);
         }
         self.settle_states(site);
         site
@@ -515,7 +539,7 @@ impl<'a> Tree<'a> {
                     if !self.is_visible(neighbour, spot) {
                         break;
                     }
-                    ways.set(target, cost, node);
+                    ways.set(target, cost, node, neighbour.distance);
                     reached |= bit(target);
                     most = f64::max(most, cost);
                 }
@@ -537,7 +561,7 @@ impl<'a> Tree<'a> {
             for k in self.steps.range(spot.letter, state) {
                 let target = self.steps.target(k);
                 if cost < ways.cost(target) {
-                    ways.set(target, cost, node);
+                    ways.set(target, cost, node, 0.0);
                 }
             }
         }
@@ -550,7 +574,7 @@ impl<'a> Tree<'a> {
             let mut improved = false;
             for i in 0..self.at_site(neighbour.site).len() {
                 let (state, old) = self.at_site(neighbour.site)[i];
-                let (cost, from) = ways.into[state.index()];
+                let Way { cost, from, .. } = ways.into[state.index()];
                 let cost = cost + neighbour.distance;
                 if !improves(cost, self.cost(old)) {
                     continue;

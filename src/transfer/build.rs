@@ -310,7 +310,7 @@ impl<'a> Subtree<'a> {
         let place = places.region(system, &spot);
         if place == Some(self.group.from) {
             // A skill may begin at any point of its region.
-            self.tree.add_root(spot, BEGIN);
+            self.tree.add_root(spot, BEGIN, 0.0);
         }
         let anchor = self.tree.nearest(spot.at);
         let near = search.near(self.tree.site_count(), system.bounds().side());

@@ -101,6 +101,15 @@ fn steps(task: &Task, tree: &Tree<'_>, from: NodeId, letter: Letter, to: NodeId)
 }
 
 #[cfg(test)]
+impl Goals {
+    /// The nearest accepting node on a node's path.
+    fn acc_of(&self, node: NodeId) -> Option<NodeId> {
+        let acc = self.acc[node.index()];
+        (acc != NONE).then_some(NodeId(acc))
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use std::sync::Arc;
 
@@ -145,13 +154,12 @@ mod tests {
             let mut tree = Tree::new(&grid, &task.nba, grid.start(), &task.nba.initial);
             let (mut goals, mut touched) = (Goals::default(), Vec::new());
             let mut with_goals = 0;
-            for _ in 0..250 {
+            for _ in 0..400 {
                 if let Some(spot) = one_move_away(&grid, &tree, &mut random) {
                     tree.extend(spot, Near::ball(1.0), &[]);
                 }
                 tree.take_touched(&mut touched);
                 goals.update(&task, &tree, &touched);
-                with_goals = 0;
                 for node in task.nba.states().flat_map(|q| tree.in_state(q).to_vec()) {
                     let accepts = |n: &NodeId| task.nba.is_accepting(tree.state(*n));
                     let above = std::iter::successors(Some(node), |&n| tree.parent(n));
@@ -161,7 +169,7 @@ mod tests {
                 }
             }
             tree.check(&grid, &task.nba);
-            assert!(with_goals > 10, "{with_goals}");
+            assert!(with_goals > 1_000, "{with_goals}");
         }
     }
 
@@ -175,7 +183,7 @@ mod tests {
         let mut random = generator(9, 0);
         let mut tree = Tree::new(&grid, &task.nba, grid.start(), &task.nba.initial);
         let (mut goals, mut touched) = (Goals::default(), Vec::new());
-        for _ in 0..60 {
+        for _ in 0..400 {
             if let Some(spot) = one_move_away(&grid, &tree, &mut random) {
                 tree.extend(spot, Near::ball(1.0), &[]);
             }

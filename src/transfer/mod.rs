@@ -10,8 +10,10 @@ mod places;
 mod plan;
 mod replan;
 mod reuse;
+mod search;
 mod skill;
 mod subtasks;
+mod suffix;
 
 pub use build::{BuildProgress, BuildSampler, BuildSettings, Built, build};
 pub use learn::learn;

@@ -1,8 +1,10 @@
 //! The optimum of a product of finitely many states, by exhaustive search: what transfer planning and
 //! every sampler on a grid can at best reach.
 //!
-//! One Dijkstra from the start gives all prefixes; for each accepting product state, cheapest prefix
-//! first, another gives its shortest cycle, as far as that could still beat the best.
+//! One Dijkstra from the start gives the way to every product state. A cycle that passes the accepting state f
+//! and is entered at m costs `d(f, m) + d(m, f)`, so one Dijkstra forwards and one backwards from f find the
+//! best entry of its cycles. Accepting states are tried by the length of the way to them, as far as
+//! they could still beat the best.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
@@ -47,45 +49,95 @@ pub fn optimum(problem: &Problem) -> Option<(Path, Cost)> {
     let product = Product::new(&*problem.system, &problem.task, problem.start)?;
     let initial = &problem.task.nba.initial;
     let roots = initial.iter().map(|&q| (product.node(0, q), 0.0));
-    let forward = product.search(roots, f64::INFINITY, None);
+    let ahead = |node: u32, visit: &mut dyn FnMut(u32, f64)| product.for_each_step(node, visit);
+    let prefixes = product.search(roots, f64::INFINITY, ahead);
+    let arrivals = product.arrivals();
+    let back = |node: u32, visit: &mut dyn FnMut(u32, f64)| {
+        for &(from, length) in &arrivals[node as usize] {
+            visit(from, length);
+        }
+    };
     let mut goals: Vec<(f64, u32)> = product
         .accepting()
-        .map(|node| (forward.costs[node as usize], node))
+        .map(|node| (prefixes.costs[node as usize], node))
         .filter(|(cost, _)| cost.is_finite())
         .collect();
     goals.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let (before, after) = (problem.weight, 1.0 - problem.weight);
-    let mut best: Option<(f64, u32, f64, Vec<u32>)> = None;
-    for (prefix, goal) in goals {
-        let bound = best.as_ref().map_or(f64::INFINITY, |b| b.0);
-        if before * prefix >= bound {
+    let mut best: Option<Lasso> = None;
+    for (way, goal) in goals {
+        let bound = best.as_ref().map_or(f64::INFINITY, |b| b.total);
+        // The way to the goal is shared by a prefix and a part of its cycle.
+        if before.min(after) * way >= bound {
             break;
         }
-        let room = if after > 0.0 {
-            (bound - before * prefix) / after
-        } else {
-            f64::INFINITY
+        let limit = match after > 0.0 {
+            true => bound / after,
+            false => f64::INFINITY,
         };
-        let Some((length, cycle)) = product.cycle(goal, room) else {
-            continue;
-        };
-        let total = before * prefix + after * length;
-        if total < bound {
-            best = Some((total, goal, length, cycle));
+        let out = product.search(std::iter::once((goal, 0.0)), limit, ahead);
+        let home = product.search(std::iter::once((goal, 0.0)), limit, back);
+        // At the goal itself both are 0 though there is no step: its cycle has a last step.
+        let last = |&(from, length): &(u32, f64)| (out.costs[from as usize] + length, from);
+        let closing = arrivals[goal as usize].iter().map(last);
+        let closing = closing.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        for entry in product.nodes() {
+            let i = entry as usize;
+            let length = match closing {
+                _ if entry != goal => out.costs[i] + home.costs[i],
+                Some((length, _)) => length,
+                None => continue,
+            };
+            let total = before * prefixes.costs[i] + after * length;
+            if total >= best.as_ref().map_or(f64::INFINITY, |b| b.total) {
+                continue;
+            }
+            let cycle = match closing {
+                Some((_, from)) if entry == goal => {
+                    let mut cycle = out.path(from);
+                    cycle.push(goal);
+                    cycle
+                }
+                _ => {
+                    // From the entry to the goal, and on to the entry again.
+                    let mut cycle = home.path(entry);
+                    cycle.reverse();
+                    cycle.extend(&out.path(entry)[1..]);
+                    cycle
+                }
+            };
+            best = Some(Lasso {
+                total,
+                entry,
+                length,
+                cycle,
+            });
         }
     }
-    let (_, goal, length, cycle) = best?;
+    let Lasso {
+        entry,
+        length,
+        cycle,
+        ..
+    } = best?;
     let waypoints = |nodes: &[u32]| nodes.iter().map(|&n| product.waypoint(n)).collect();
-    let prefix = forward.path(goal);
-    let cost = Cost::new(forward.costs[goal as usize], length, problem.weight);
-    let suffix = if length == 0.0 { vec![goal] } else { cycle };
+    let cost = Cost::new(prefixes.costs[entry as usize], length, problem.weight);
+    let suffix = if length == 0.0 { vec![entry] } else { cycle };
     Some((
         Path {
-            prefix: waypoints(&prefix),
+            prefix: waypoints(&prefixes.path(entry)),
             suffix: waypoints(&suffix),
         },
         cost,
     ))
+}
+
+/// The best path so far: where its suffix begins, and the suffix.
+struct Lasso {
+    total: f64,
+    entry: u32,
+    length: f64,
+    cycle: Vec<u32>,
 }
 
 /// The whole product, spelled out.
@@ -179,7 +231,7 @@ impl<'a> Product<'a> {
     }
 
     /// Calls `visit(successor, length)` for each product step that is needed.
-    fn for_each_step(&self, node: u32, mut visit: impl FnMut(u32, f64)) {
+    fn for_each_step(&self, node: u32, visit: &mut dyn FnMut(u32, f64)) {
         let place = node as usize / self.states;
         let nba = &self.task.nba;
         let letter = self.places[place].letter;
@@ -197,15 +249,30 @@ impl<'a> Product<'a> {
         }
     }
 
-    /// Least costs from `seeds` (with what they cost) to everything that costs less than `limit`, until
-    /// `goal` is reached.
+    fn nodes(&self) -> std::ops::Range<u32> {
+        0..(self.places.len() * self.states) as u32
+    }
+
+    /// For each node, the nodes that step to it, with the lengths of the steps.
+    fn arrivals(&self) -> Vec<Vec<(u32, f64)>> {
+        let mut found = vec![Vec::new(); self.nodes().len()];
+        for node in self.nodes() {
+            self.for_each_step(node, &mut |to, length| {
+                found[to as usize].push((node, length))
+            });
+        }
+        found
+    }
+
+    /// Least costs from `seeds` (with what they cost) to everything that costs less than `limit`, along
+    /// the given steps.
     fn search(
         &self,
         seeds: impl Iterator<Item = (u32, f64)>,
         limit: f64,
-        goal: Option<u32>,
+        steps: impl Fn(u32, &mut dyn FnMut(u32, f64)),
     ) -> Tree {
-        let size = self.places.len() * self.states;
+        let size = self.nodes().len();
         let mut tree = Tree {
             costs: vec![f64::INFINITY; size],
             parents: vec![u32::MAX; size],
@@ -218,13 +285,10 @@ impl<'a> Product<'a> {
             }
         }
         while let Some(Reverse(Entry(cost, node))) = open.pop() {
-            if goal == Some(node) {
-                break;
-            }
             if cost > tree.costs[node as usize] {
                 continue;
             }
-            self.for_each_step(node, |to, length| {
+            steps(node, &mut |to, length| {
                 let new = cost + length;
                 if new < limit && new < tree.costs[to as usize] {
                     tree.costs[to as usize] = new;
@@ -234,18 +298,5 @@ impl<'a> Product<'a> {
             });
         }
         tree
-    }
-
-    /// The shortest cycle through `goal` of a length below `limit`, from the goal to the goal.
-    fn cycle(&self, goal: u32, limit: f64) -> Option<(f64, Vec<u32>)> {
-        let mut firsts = Vec::new();
-        self.for_each_step(goal, |to, length| firsts.push((to, length)));
-        let tree = self.search(firsts.into_iter(), limit, Some(goal));
-        let length = tree.costs[goal as usize];
-        length.is_finite().then(|| {
-            let mut path = vec![goal];
-            path.extend(tree.path(goal));
-            (length, path)
-        })
     }
 }

@@ -103,7 +103,11 @@ impl Repairer<'_> {
         let (prefix, cycle) = self.enter_elsewhere(plan)?;
         let prefix = self.repair_part(&prefix, false)?;
         let cycle = self.repair_part(&cycle, true)?;
-        settle(&self.problem.task, prefix, cycle)
+        let accepts = |w: &Waypoint| self.problem.task.nba.is_accepting(w.state);
+        cycle.iter().any(accepts).then_some(Path {
+            prefix,
+            suffix: cycle,
+        })
     }
 
     /// The plan with the suffix beginning at a point that is still free: the point itself if it is.
@@ -326,17 +330,6 @@ impl SubAutomaton {
         path.push(*to);
         path
     }
-}
-
-/// A plan from a prefix and the cycle that it leads to: the suffix begins where the cycle accepts.
-fn settle(task: &Task, mut prefix: Vec<Waypoint>, cycle: Vec<Waypoint>) -> Option<Path> {
-    let open = &cycle[..cycle.len() - 1];
-    let accepts = |w: &Waypoint| task.nba.is_accepting(w.state);
-    let goal = open.iter().position(accepts)?;
-    prefix.extend(&open[1..(goal + 1).max(1)]);
-    let mut suffix = open[goal..].to_vec();
-    suffix.extend(&open[..=goal]);
-    Some(Path { prefix, suffix })
 }
 
 /// The plan with automaton states that are an accepting run: those it has if they are, else others, if

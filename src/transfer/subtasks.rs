@@ -320,6 +320,10 @@ mod tests {
     use crate::workspace::{Bounds, Polygon, Region, Workspace};
 
     fn graph(formula: &str, equivalence: Equivalence) -> SubtaskGraph {
+        graph_of(formula, equivalence).1
+    }
+
+    fn graph_of(formula: &str, equivalence: Equivalence) -> (Task, SubtaskGraph) {
         let square = |x: f64, y: f64| {
             Polygon::rectangle(Point2::new(x, y), Point2::new(x + 0.1, y + 0.1)).unwrap()
         };
@@ -339,7 +343,8 @@ mod tests {
         let task = Task::from_formula(&formula, letters, &Limits::default()).unwrap();
         let places = Places::new(&system, system.start());
         assert_eq!(places.len(), 4);
-        SubtaskGraph::new(&task.nba, &places, PlaceId::START, equivalence)
+        let graph = SubtaskGraph::new(&task.nba, &places, PlaceId::START, equivalence);
+        (task, graph)
     }
 
     #[test]
@@ -354,23 +359,28 @@ mod tests {
 
     #[test]
     fn equivalent_subtasks_are_left_out_but_what_follows_them_is_not() {
-        let mission = "F a & F b & F c";
-        let (all, some) = (
-            graph(mission, Equivalence::None),
-            graph(mission, Equivalence::Match),
-        );
-        assert!(some.len() < all.len());
-        // All pairs of the three regions and the start, whatever was left out on the way.
-        let mut pairs: Vec<(u32, u32)> = some
-            .subtasks
-            .iter()
-            .map(|s| (s.from.position.place.0, s.to.position.place.0))
-            .map(|(a, b)| (a.min(b), a.max(b)))
-            .filter(|(a, b)| a != b)
-            .collect();
-        pairs.sort_unstable();
-        pairs.dedup();
-        assert_eq!(pairs, [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]);
+        for mission in ["G(F a & F b)", "GF a & GF b & GF c"] {
+            let (task, all) = graph_of(mission, Equivalence::None);
+            let (_, some) = graph_of(mission, Equivalence::Match);
+            let labels = number_labels(&loops(&task.nba));
+            // Def. 3.2: the positions in either order, and the label of the terminal state.
+            let class = |s: &Subtask| {
+                let (a, b) = (s.from.position.code(), s.to.position.code());
+                (a.min(b), a.max(b), labels[s.to.state.index()])
+            };
+            let classes = |graph: &SubtaskGraph| -> Vec<_> {
+                let mut found: Vec<_> = graph.subtasks.iter().map(class).collect();
+                found.sort_unstable();
+                found
+            };
+            let (mut every, once) = (classes(&all), classes(&some));
+            assert!(
+                once.len() < every.len(),
+                "{mission} has no equivalent subtasks"
+            );
+            every.dedup();
+            assert_eq!(once, every, "{mission}");
+        }
     }
 
     #[test]

@@ -161,6 +161,9 @@ pub(super) struct SearchArgs {
     /// Seconds to search at most; the result then depends on the machine
     #[arg(long, value_name = "S")]
     pub(super) time_limit: Option<f64>,
+    /// Searches to run side by side, each with the whole budget; the best plan wins
+    #[arg(long, value_name = "N", default_value_t = Settings::default().threads)]
+    pub(super) threads: usize,
     /// Stop at the first feasible plan
     #[arg(long)]
     pub(super) first: bool,
@@ -394,6 +397,13 @@ pub(super) struct BenchArgs {
     /// Probability that a choice follows the predicted states
     #[arg(long, value_name = "P", default_value_t = Settings::default().alpha)]
     pub(super) alpha: f64,
+    /// Search on to the last iteration (or second, see --time-limit) and report how near the cost comes
+    /// to the exact planner's plan, beside a certified lower bound; one run of each sampler
+    #[arg(long)]
+    pub(super) gaps: bool,
+    /// With --gaps: seconds of each search at most
+    #[arg(long, value_name = "S", requires = "gaps")]
+    pub(super) time_limit: Option<f64>,
     /// Write the tables as Markdown
     #[arg(long, value_name = "FILE.md")]
     pub(super) report: Option<PathBuf>,

@@ -89,6 +89,7 @@ pub(super) fn options(args: &PlanArgs) -> Options {
             seed: search.seed,
             iterations: search.iterations,
             time_limit: search.time_limit,
+            threads: search.threads,
             first: search.first,
             radius: search.radius,
             max_radius: search.max_radius,

@@ -17,7 +17,21 @@
 //! prefix, and shortest cycles bound every suffix: a suffix that moves and never changes the letter could
 //! stay instead, and any other one leaves the letter L in which it begins, with accepting state f, by
 //! some gate h and comes back into L by some gate g; on the way between them it spends at least the leg
-//! from g to h. The prefix is bounded by the cheapest way into L from which f can be reached.
+//! from g to h. The prefix is at least as long as the cheapest way into L from which f can be reached.
+//! More than that, where the suffix begins at x, with e(z) the least length of a prefix that comes into
+//! L and goes on in it to gate z, the prefix P and the parts t from x to h and u from g to x obey
+//! P ≥ e(h) − t and P ≥ e(g) − u. So P ≥ (e(g) + e(h) − (t + u)) / 2, where t + u is the length c of the leg
+//! from g to h or more; and if it is more, by s, the suffix costs (1 − λ)·s more and the prefix at most
+//! λ·s/2 less: for λ ≤ 2/3 the total is least at t + u = c.
+//!
+//! # Convex regions
+//! Gates that share an end are no distance apart, so a path that crossed one border in and out again and
+//! again could creep along it for nothing. Such paths are not needed. Where a convex region that
+//! nothing touches is left and entered again before any other, the way back can be taken inside, along
+//! the chord, and the letters that the border's crossings gave can be read where the region was first
+//! entered (or, if the path or the suffix begins inside, where it is last left), at no length, in the same
+//! order. So a region that is left is entered again through the same gate only, and once it was crossed
+//! from one gate to another, not before another region.
 //!
 //! # Refinement
 //! Gates through which no plan cheaper than the one that is known can lead are dropped, the others are
@@ -28,6 +42,7 @@
 //! may lead from any letter to any other, since a path can pass where two borders cross. The bound
 //! holds then, too, but is weaker.
 
+use std::cell::RefCell;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 use std::sync::Arc;
@@ -43,7 +58,7 @@ use crate::workspace::{Polygon, Side, Workspace};
 
 /// Rounds of refinement, and the number of legs in the product beyond which no further one begins.
 const ROUNDS: usize = 14;
-const MAX_LEGS: usize = 2_000_000;
+const MAX_LEGS: usize = 600_000;
 
 /// The share of the known plan's cost that the bound need not resolve.
 const PRECISION: f64 = 1e-4;
@@ -68,20 +83,19 @@ pub fn lower_bound(
     // What costs more than this is as good as the known plan.
     let cut = upper * (1.0 - PRECISION);
     let mut best: f64 = 0.0;
+    let mut product = Product::new(&gates, task, weight);
     for _ in 0..ROUNDS {
-        let mut product = Product::new(&gates, task, weight);
-        let mut solved = product.solve(cut);
-        if product.lengthen(&mut gates, &solved, cut) {
-            solved = product.solve(cut);
-        }
+        let solved = product.solve(&gates, cut);
+        product.prune(&solved, cut);
+        product.lengthen(&mut gates);
+        let solved = product.solve(&gates, cut);
+        product.prune(&solved, cut);
         best = best.max(product.bound(&gates, &solved, cut));
-        let keep = product.useful_gates(&solved, cut, gates.gates.len());
-        let kept = keep.iter().skip(1).filter(|&&k| k).count();
-        let legs = (2 * kept).pow(2) * 2 * task.nba.len();
-        if best >= cut || kept == 0 || legs > MAX_LEGS {
+        if best >= cut || 4 * product.legs.len() > MAX_LEGS {
             break;
         }
-        gates.refine(&keep);
+        let keep = product.useful_nodes(&solved, cut);
+        product.halve(&mut gates, &keep);
     }
     (best - RESOLUTION * workspace.bounds().side()).max(0.0)
 }
@@ -113,6 +127,8 @@ struct Gates {
     letters: Vec<(Props, Letter)>,
     start_letter: usize,
     apart: bool,
+    /// By number, which of the map's regions are convex and apart from all else.
+    convex: Vec<bool>,
     /// For each letter the space in which legs with it run.
     spaces: Vec<Option<VisibilityGraph>>,
     paths: HashMap<(usize, [u64; 2]), PathsTo>,
@@ -166,6 +182,11 @@ impl Gates {
             letters,
             start_letter,
             apart,
+            convex: workspace
+                .regions()
+                .iter()
+                .map(|r| apart && is_convex(&r.polygon))
+                .collect(),
             spaces,
             paths: HashMap::new(),
             legs: HashMap::new(),
@@ -178,10 +199,31 @@ impl Gates {
         let region = self.gates[gate].region;
         let n = self.letters.len();
         let pairs = (0..n).flat_map(move |from| (0..n).map(move |to| (from, to)));
-        pairs.filter(move |&(from, to)| {
-            let change = self.letters[from].0.0 ^ self.letters[to].0.0;
-            gate != 0 && (change == 1 << region || !self.apart && change != 0)
-        })
+        pairs.filter(move |&(from, to)| gate != 0 && self.crosses(region, from, to))
+    }
+
+    /// Whether the letter can change like this on the border of a region.
+    fn crosses(&self, region: usize, from: usize, to: usize) -> bool {
+        let change = self.letters[from].0.0 ^ self.letters[to].0.0;
+        if self.apart {
+            change == 1 << region
+        } else {
+            change != 0
+        }
+    }
+
+    /// Whether a shortest path may go on from a node to a gate, and whether it has then crossed a convex
+    /// region (see the module's words on convex regions).
+    fn goes_on(&self, node: &Node, gate: usize) -> Option<bool> {
+        let region = self.gates[gate].region;
+        if !self.convex[region] {
+            return Some(false);
+        }
+        if self.letters[node.letter].0.contains(region) {
+            return Some(node.gate != 0 && node.gate != gate);
+        }
+        let back = node.gate != 0 && self.gates[node.gate].region == region;
+        (!back || node.gate == gate && !node.crossed).then_some(false)
     }
 
     /// A lower bound on a leg's length by straight lines.
@@ -210,6 +252,9 @@ impl Gates {
 
     /// As much as is known of the length of a leg.
     fn known(&self, letter: usize, g: usize, h: usize) -> f64 {
+        if g == h {
+            return 0.0;
+        }
         let straight = self.straight(g, h);
         let (g, h) = (self.gates[g], self.gates[h]);
         match self.legs.get(&(letter, key(g.middle(), h.middle()).0)) {
@@ -218,21 +263,29 @@ impl Gates {
         }
     }
 
-    /// Drops and halves gates.
-    fn refine(&mut self, keep: &[bool]) {
+    /// Halves the gates that are to be kept and drops the others. Returns for each the numbers of its
+    /// halves.
+    fn halve(&mut self, keep: &[bool]) -> Vec<Vec<usize>> {
         let mut next = vec![self.gates[0]];
-        for (gate, _) in self.gates.iter().zip(keep).skip(1).filter(|(_, k)| **k) {
+        let mut halves = vec![vec![0]];
+        for (gate, keep) in self.gates.iter().zip(keep).skip(1) {
             let middle = gate.middle();
+            let mut mine = Vec::new();
             for (a, b) in [(gate.a, middle), (middle, gate.b)] {
-                next.push(Gate {
-                    a,
-                    b,
-                    region: gate.region,
-                    free: gate.free || self.workspace.is_free_segment(a, b),
-                });
+                if *keep {
+                    mine.push(next.len());
+                    next.push(Gate {
+                        a,
+                        b,
+                        region: gate.region,
+                        free: gate.free || self.workspace.is_free_segment(a, b),
+                    });
+                }
             }
+            halves.push(mine);
         }
         self.gates = next;
+        halves
     }
 }
 
@@ -266,6 +319,8 @@ struct Node {
     gate: usize,
     letter: usize,
     state: u32,
+    /// Whether a convex region was just crossed from another gate.
+    crossed: bool,
 }
 
 /// A leg of the product between two nodes, by their numbers.
@@ -324,31 +379,38 @@ impl<'t> Product<'t> {
                 gate: 0,
                 letter: gates.start_letter,
                 state: q.0,
+                crossed: false,
             });
         }
         for gate in 1..gates.gates.len() {
             for (from, to) in gates.crossings(gate) {
                 ends[from].push((gate, to));
-                for state in 0..states {
-                    numbers.entry((gate, to, state)).or_insert_with(|| {
-                        nodes.push(Node {
-                            gate,
-                            letter: to,
-                            state,
+                for (state, crossed) in (0..states).flat_map(|q| [(q, false), (q, true)]) {
+                    numbers
+                        .entry((gate, to, state, crossed))
+                        .or_insert_with(|| {
+                            nodes.push(Node {
+                                gate,
+                                letter: to,
+                                state,
+                                crossed,
+                            });
+                            nodes.len() - 1
                         });
-                        nodes.len() - 1
-                    });
                 }
             }
         }
         let mut legs = Vec::new();
         for (i, node) in nodes.iter().enumerate() {
             for &(gate, to) in &ends[node.letter] {
+                let Some(crossed) = gates.goes_on(node, gate) else {
+                    continue;
+                };
                 let length = gates.straight(node.gate, gate);
                 for &state in relations.often(letters[node.letter], node.state) {
                     legs.push(Leg {
                         from: i as u32,
-                        to: numbers[&(gate, to, state)] as u32,
+                        to: numbers[&(gate, to, state, crossed)] as u32,
                         length,
                     });
                 }
@@ -414,27 +476,20 @@ impl<'t> Product<'t> {
     }
 
     /// The nodes at which a suffix can first leave `letter`, begun in `state`.
-    fn departures(&self, gates_of: &[Vec<u32>], letter: usize, state: u32) -> Vec<usize> {
+    fn departures(&self, gates: &Gates, letter: usize, state: u32) -> Vec<usize> {
         let reads = self.relations.often(self.letters[letter], state);
-        let ends = gates_of[letter].iter().map(|&n| n as usize);
-        ends.filter(|&n| reads.contains(&self.nodes[n].state))
-            .collect()
+        let leaves = |n: &Node| {
+            let region = gates.gates[n.gate].region;
+            n.gate != 0
+                && !n.crossed
+                && gates.crosses(region, letter, n.letter)
+                && reads.contains(&n.state)
+        };
+        let all = self.nodes.iter().enumerate();
+        all.filter(|(_, n)| leaves(n)).map(|(i, _)| i).collect()
     }
 
-    /// For each letter the nodes that legs in it can lead to.
-    fn ends(&self) -> Vec<Vec<u32>> {
-        let mut ends = vec![Vec::new(); self.letters.len()];
-        for leg in &self.legs {
-            ends[self.nodes[leg.from as usize].letter].push(leg.to);
-        }
-        for nodes in &mut ends {
-            nodes.sort_unstable();
-            nodes.dedup();
-        }
-        ends
-    }
-
-    fn solve(&self, cut: f64) -> Solved {
+    fn solve(&self, gates: &Gates, cut: f64) -> Solved {
         let part = |share: f64| {
             if share > 1e-9 {
                 cut / share
@@ -447,7 +502,6 @@ impl<'t> Product<'t> {
         let from_start = self.distances(0..starts, false, prefix_limit);
         let mut resting: Vec<usize> = Vec::new();
         let mut rounds = Vec::new();
-        let ends = self.ends();
         for letter in 0..self.letters.len() {
             for f in &self.task.feasible {
                 let arrivals: Vec<usize> = self.arrivals(letter, f.0).collect();
@@ -465,7 +519,7 @@ impl<'t> Product<'t> {
                 if !prefix.is_finite() {
                     continue;
                 }
-                let departures = self.departures(&ends, letter, f.0);
+                let departures = self.departures(gates, letter, f.0);
                 let from = self.distances(departures.into_iter(), false, suffix_limit);
                 let to = self.distances(arrivals.iter().copied(), true, f64::INFINITY);
                 let least = arrivals.iter().map(|&n| from[n]);
@@ -506,14 +560,19 @@ impl<'t> Product<'t> {
         least
     }
 
-    /// Replaces the lengths of legs that plans below `cut` could take by better bounds, and drops the
-    /// others. Whether any leg is left.
-    fn lengthen(&mut self, gates: &mut Gates, solved: &Solved, cut: f64) -> bool {
+    /// Drops the legs that no plan below `cut` can take.
+    fn prune(&mut self, solved: &Solved, cut: f64) {
         let mut legs = std::mem::take(&mut self.legs);
         legs.retain(|leg| {
             self.through(solved, leg.from as usize, leg.length, leg.to as usize) < cut
         });
-        for leg in &mut legs {
+        self.legs = legs;
+        self.index();
+    }
+
+    /// Replaces the lengths of legs by better bounds.
+    fn lengthen(&mut self, gates: &mut Gates) {
+        for leg in &mut self.legs {
             let (from, to) = (self.nodes[leg.from as usize], self.nodes[leg.to as usize]);
             if from.gate != to.gate {
                 leg.length = leg
@@ -521,10 +580,8 @@ impl<'t> Product<'t> {
                     .max(gates.around(from.letter, from.gate, to.gate));
             }
         }
-        legs.retain(|leg| leg.length.is_finite());
-        self.legs = legs;
+        self.legs.retain(|leg| leg.length.is_finite());
         self.index();
-        !self.legs.is_empty()
     }
 
     /// What any plan costs at least; `cut` if it is that or more.
@@ -532,14 +589,14 @@ impl<'t> Product<'t> {
         let resting = (0..self.nodes.len()).filter(|&n| solved.to_rest[n] == 0.0);
         let rest = resting.map(|n| solved.from_start[n]);
         let mut best = self.total(rest.fold(f64::INFINITY, f64::min), 0.0).min(cut);
-        let ends = self.ends();
         for round in &solved.rounds {
             if self.total(round.prefix, round.least) >= best {
                 continue;
             }
             let arrivals: Vec<usize> = self.arrivals(round.letter, round.state).collect();
+            let entry = Entries::new(gates, self, solved, round.letter, &arrivals);
             // One search for each gate by which the suffix leaves, to close it with the leg from there.
-            let mut departures = self.departures(&ends, round.letter, round.state);
+            let mut departures = self.departures(gates, round.letter, round.state);
             departures.sort_by_key(|&n| self.nodes[n].gate);
             for group in departures.chunk_by(|&a, &b| self.nodes[a].gate == self.nodes[b].gate) {
                 let gate = self.nodes[group[0]].gate;
@@ -551,31 +608,110 @@ impl<'t> Product<'t> {
                 let limit = (best - self.weight * round.prefix) / (1.0 - self.weight).max(1e-12);
                 let from = self.distances(group.iter().copied(), false, limit);
                 for &n in &arrivals {
-                    if !from[n].is_finite() {
+                    let last = self.nodes[n].gate;
+                    if self.total(round.prefix, from[n]) >= best {
                         continue;
                     }
-                    let last = self.nodes[n].gate;
-                    let closing = if last == gate {
-                        0.0
+                    let closing = gates.known(round.letter, last, gate);
+                    if !closing.is_finite() || self.total(round.prefix, from[n] + closing) >= best {
+                        continue;
+                    }
+                    let joined = (entry.to(gate) + entry.to(last) - closing) / 2.0;
+                    let prefix = if self.weight <= 0.6 {
+                        round.prefix.max(joined)
                     } else {
-                        gates.known(round.letter, last, gate)
+                        round.prefix
                     };
-                    best = best.min(self.total(round.prefix, from[n] + closing));
+                    best = best.min(self.total(prefix, from[n] + closing));
                 }
             }
         }
         best
     }
 
-    /// Which gates a plan below `cut` can pass.
-    fn useful_gates(&self, solved: &Solved, cut: f64, gates: usize) -> Vec<bool> {
-        let mut keep = vec![false; gates];
-        for (i, node) in self.nodes.iter().enumerate() {
-            if !keep[node.gate] {
-                keep[node.gate] = self.through(solved, i, 0.0, i) < cut;
+    /// Which nodes a plan below `cut` can pass.
+    fn useful_nodes(&self, solved: &Solved, cut: f64) -> Vec<bool> {
+        let through = |n| self.through(solved, n, 0.0, n) < cut;
+        (0..self.nodes.len()).map(through).collect()
+    }
+
+    /// Halves gates. What is known of a leg holds for the legs between the halves of its gates.
+    fn halve(&mut self, gates: &mut Gates, keep: &[bool]) {
+        let mut kept = vec![false; gates.gates.len()];
+        for (node, keep) in self.nodes.iter().zip(keep) {
+            kept[node.gate] |= keep;
+        }
+        let halves = gates.halve(&kept);
+        let mut nodes = Vec::new();
+        let mut numbers: Vec<Vec<u32>> = Vec::with_capacity(self.nodes.len());
+        for (i, (node, &keep)) in self.nodes.iter().zip(keep).enumerate() {
+            let mut mine = Vec::new();
+            // The first nodes are the starts, by number.
+            if keep || i < self.task.nba.initial.len() {
+                for &gate in &halves[node.gate] {
+                    mine.push(nodes.len() as u32);
+                    nodes.push(Node { gate, ..*node });
+                }
+            }
+            numbers.push(mine);
+        }
+        let mut legs = Vec::with_capacity(4 * self.legs.len());
+        for leg in &self.legs {
+            for &from in &numbers[leg.from as usize] {
+                for &to in &numbers[leg.to as usize] {
+                    let (g, h) = (nodes[from as usize].gate, nodes[to as usize].gate);
+                    let length = leg.length.max(gates.straight(g, h));
+                    legs.push(Leg { from, to, length });
+                }
             }
         }
-        keep
+        (self.nodes, self.legs) = (nodes, legs);
+        self.index();
+    }
+}
+
+/// The least lengths of prefixes that come into a letter with an accepting state in sight, and go on in
+/// it to a gate.
+struct Entries<'g> {
+    gates: &'g Gates,
+    letter: usize,
+    /// Gates of arrival with the length until there, the shortest first.
+    arrivals: Vec<(f64, usize)>,
+    known: RefCell<HashMap<usize, f64>>,
+}
+
+impl<'g> Entries<'g> {
+    fn new(
+        gates: &'g Gates,
+        product: &Product<'_>,
+        solved: &Solved,
+        letter: usize,
+        nodes: &[usize],
+    ) -> Self {
+        let all = nodes
+            .iter()
+            .map(|&n| (solved.from_start[n], product.nodes[n].gate));
+        let mut arrivals: Vec<(f64, usize)> = all.filter(|a| a.0.is_finite()).collect();
+        arrivals.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        Self {
+            gates,
+            letter,
+            arrivals,
+            known: RefCell::default(),
+        }
+    }
+
+    fn to(&self, gate: usize) -> f64 {
+        *self.known.borrow_mut().entry(gate).or_insert_with(|| {
+            let mut least = f64::INFINITY;
+            for &(length, from) in &self.arrivals {
+                if length >= least {
+                    break;
+                }
+                least = least.min(length + self.gates.known(self.letter, from, gate));
+            }
+            least
+        })
     }
 }
 
@@ -621,6 +757,14 @@ fn segment_distance((a, b): Segment, (c, d): Segment) -> f64 {
         .min(to(b, (c, d)))
         .min(to(c, (a, b)))
         .min(to(d, (a, b)))
+}
+
+/// Whether a polygon's border turns left at every vertex.
+fn is_convex(polygon: &Polygon) -> bool {
+    let v = polygon.vertices();
+    let n = v.len();
+    let turn = |i: usize| (v[(i + 1) % n] - v[i]).perp(&(v[(i + 2) % n] - v[(i + 1) % n]));
+    (0..n).all(|i| turn(i) > 0.0)
 }
 
 /// Whether two polygons are further apart than `margin`.

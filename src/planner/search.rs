@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::time::Instant;
 
+use super::parallel::{self, Race};
 use super::polish::Polish;
 use super::sampler::{Aim, Draw, Sampler, View};
 use super::settings::{Settings, Stop};
@@ -45,7 +46,10 @@ pub fn plan(
     if *problem.task.nba.alphabet != **problem.system.alphabet() {
         return Err(PlanError::Alphabet);
     }
-    Search::new(problem, sampler, settings).finish_after(stop, observe)
+    if settings.threads > 1 {
+        return parallel::search(problem, sampler, settings, stop, observe);
+    }
+    Search::new(problem, sampler, settings, 0).finish_after(stop, observe)
 }
 
 /// As [`plan`], and measures where the time goes.
@@ -58,7 +62,7 @@ pub fn profile(
     settings: &Settings,
 ) -> Result<(Solution, Split), PlanError> {
     settings.validate()?;
-    let mut search = Search::new(problem, sampler, settings);
+    let mut search = Search::new(problem, sampler, settings, 0);
     search.prefix.measure();
     let reason = search.run(&Stop::new(), &mut |_| {});
     let mut split = Split::default();
@@ -83,7 +87,7 @@ enum Turn {
     Suffix(usize),
 }
 
-struct Search<'a> {
+pub(super) struct Search<'a> {
     problem: &'a Problem,
     sampler: &'a Sampler,
     settings: &'a Settings,
@@ -106,19 +110,26 @@ struct Search<'a> {
     known: Vec<bool>,
     best: Option<Best>,
     polish: Option<Polish<'a>>,
+    race: Option<&'a Race>,
     stats: Stats,
     touched: Vec<NodeId>,
 }
 
 impl<'a> Search<'a> {
-    fn new(problem: &'a Problem, sampler: &'a Sampler, settings: &'a Settings) -> Self {
+    /// A search that draws from the seed's stream of this number.
+    pub(super) fn new(
+        problem: &'a Problem,
+        sampler: &'a Sampler,
+        settings: &'a Settings,
+        stream: u64,
+    ) -> Self {
         let nba = &problem.task.nba;
         let prefix = Tree::new(&*problem.system, nba, problem.start, &nba.initial);
         Self {
             problem,
             sampler,
             settings,
-            random: generator(settings.seed, 0),
+            random: generator(settings.seed, stream),
             began: Instant::now(),
             prefix,
             accepting: nba
@@ -139,12 +150,22 @@ impl<'a> Search<'a> {
                 .then(|| problem.system.plane())
                 .flatten()
                 .map(|map| Polish::new(Shortener::new(map, &problem.task, problem.weight))),
-            stats: Stats::default(),
+            race: None,
+            stats: Stats {
+                threads: 1,
+                ..Stats::default()
+            },
             touched: Vec::new(),
         }
     }
 
-    fn finish_after(
+    /// Ends early once another search of the race has won.
+    pub(super) fn racing(mut self, race: Option<&'a Race>) -> Self {
+        self.race = race;
+        self
+    }
+
+    pub(super) fn finish_after(
         mut self,
         stop: &Stop,
         observe: &mut dyn FnMut(Progress),
@@ -171,6 +192,9 @@ impl<'a> Search<'a> {
                 });
                 if stop.is_raised() {
                     return EndReason::Stopped;
+                }
+                if self.race.is_some_and(|r| r.is_lost(self.stats.iterations)) {
+                    return EndReason::First;
                 }
                 if budget.is_some_and(|b| self.began.elapsed() >= b) {
                     return EndReason::Time;

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::parallel::MAX_THREADS;
 use super::tree::Near;
 
 /// Parameters of TL-RRT* and its samplers; the defaults are the papers' values.
@@ -18,6 +19,9 @@ pub struct Settings {
     pub iterations: u64,
     /// Wall-clock budget in seconds; results then depend on the machine. `None`: no limit.
     pub time_limit: Option<f64>,
+    /// Searches that run side by side, each with the whole budget and its own randomness; the best
+    /// plan wins. Results depend on this number as they depend on the seed.
+    pub threads: usize,
     /// Stop at the first feasible plan.
     pub first: bool,
     /// Factor of the near radius `radius · √(ln(n+1)/n)`, relative to the map's side.
@@ -60,6 +64,7 @@ impl Default for Settings {
             seed: 0,
             iterations: 10_000,
             time_limit: None,
+            threads: 1,
             first: false,
             radius: 3.0,
             max_radius: 0.8,
@@ -164,6 +169,12 @@ impl Settings {
             limit,
             limit.is_finite() && limit >= 0.0,
             "0 or more seconds",
+        )?;
+        check(
+            "threads",
+            self.threads as f64,
+            (1..=MAX_THREADS).contains(&self.threads),
+            "from 1 to 256",
         )?;
         check(
             "iterations",

@@ -243,7 +243,7 @@ fn obstacles() {
 /// any size can be reached.
 fn counter(letters: &Arc<Alphabet>, states: u32) -> Task {
     let row = |q: u32| {
-        let name = if q % 2 == 0 { "a" } else { "b" };
+        let name = if q.is_multiple_of(2) { "a" } else { "b" };
         let there = letters.letters_with(letters.proposition(name).expect("a region"));
         let mut row = vec![
             Transition {

@@ -17,6 +17,7 @@ pub mod planner;
 pub mod random;
 pub mod render;
 pub mod scenario;
+pub mod shorten;
 pub mod system;
 pub mod transfer;
 pub mod verify;

@@ -87,6 +87,12 @@ pub trait TransitionSystem: Send + Sync {
         false
     }
 
+    /// The map, if every point of it is a place, moves are straight and their costs Euclidean: then
+    /// plans can be [shortened](crate::shorten) on it.
+    fn plane(&self) -> Option<&Workspace> {
+        None
+    }
+
     /// A hash of everything that decides which moves are possible and what is seen (hexadecimal
     /// SHA-256): bounds, obstacles, regions and their names, and the grid if there is one.
     fn fingerprint(&self) -> String;

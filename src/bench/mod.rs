@@ -3,6 +3,7 @@
 //! Every mission is searched by every strategy with the same seeds, until its first plan. One
 //! iteration is one drawn sample; runs that spend their budget count at the cap and are told.
 
+mod convergence;
 mod report;
 mod stats;
 pub mod transfer;
@@ -16,6 +17,7 @@ use crate::planner::{
     GuidanceError, Guide, PlanError, Problem, Sampler, Settings, Stats, Stop, plan,
 };
 
+pub use convergence::{Convergence, Descent, Mark, Reference, converge};
 pub use report::Report;
 pub use stats::{Ratio, Summary, mean};
 

@@ -192,7 +192,7 @@ impl Report {
 }
 
 /// A CSV field; quoted if it needs to be.
-fn quoted(field: &str) -> String {
+pub(super) fn quoted(field: &str) -> String {
     if field.contains([',', '"', '\n', '\r']) {
         return format!("\"{}\"", field.replace('"', "\"\""));
     }

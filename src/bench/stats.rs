@@ -102,7 +102,7 @@ pub fn mean(values: &[f64]) -> f64 {
 }
 
 /// The quantile `q` in `[0, 1]` of sorted values, interpolated.
-fn quantile(sorted: &[f64], q: f64) -> f64 {
+pub(super) fn quantile(sorted: &[f64], q: f64) -> f64 {
     let position = q * (sorted.len() - 1) as f64;
     let (low, share) = (position.floor() as usize, position.fract());
     let high = (low + 1).min(sorted.len() - 1);

@@ -161,6 +161,9 @@ pub(super) struct SearchArgs {
     /// Seconds to search at most; the result then depends on the machine
     #[arg(long, value_name = "S")]
     pub(super) time_limit: Option<f64>,
+    /// Searches to run side by side, each with the whole budget; the best plan wins
+    #[arg(long, value_name = "N", default_value_t = Settings::default().threads)]
+    pub(super) threads: usize,
     /// Stop at the first feasible plan
     #[arg(long)]
     pub(super) first: bool,
@@ -170,6 +173,15 @@ pub(super) struct SearchArgs {
     /// Largest near radius, relative to the map's side
     #[arg(long, value_name = "R", default_value_t = Settings::default().max_radius)]
     pub(super) max_radius: f64,
+    /// Shorten the plans that are found (never with --first)
+    #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
+    pub(super) shorten: bool,
+    /// Pass over points that no cheaper plan can visit
+    #[arg(long, value_name = "BOOL", default_value_t = true, action = clap::ArgAction::Set)]
+    pub(super) informed: bool,
+    /// At most this times ln(n+1) near sites of a tree of n are connected, the nearest
+    #[arg(long, value_name = "K", default_value_t = Settings::default().neighbours)]
+    pub(super) neighbours: f64,
     /// Longest new edge, relative to the map's side [default: as drawn]
     #[arg(long, value_name = "R")]
     pub(super) range: Option<f64>,
@@ -179,6 +191,9 @@ pub(super) struct SearchArgs {
     /// Probability to draw towards the target instead of uniformly
     #[arg(long, value_name = "P", default_value_t = Settings::default().y_rand)]
     pub(super) y_rand: f64,
+    /// Probability to draw from a target's region where it is in sight
+    #[arg(long, value_name = "P", default_value_t = Settings::default().p_target)]
+    pub(super) p_target: f64,
     /// Standard deviation of the drawn distance, relative to the map's side
     #[arg(long, value_name = "R", default_value_t = Settings::default().distance_deviation)]
     pub(super) distance_deviation: f64,
@@ -382,6 +397,13 @@ pub(super) struct BenchArgs {
     /// Probability that a choice follows the predicted states
     #[arg(long, value_name = "P", default_value_t = Settings::default().alpha)]
     pub(super) alpha: f64,
+    /// Search on to the last iteration (or second, see --time-limit) and report how near the cost comes
+    /// to the exact planner's plan, beside a certified lower bound; one run of each sampler
+    #[arg(long)]
+    pub(super) gaps: bool,
+    /// With --gaps: seconds of each search at most
+    #[arg(long, value_name = "S", requires = "gaps")]
+    pub(super) time_limit: Option<f64>,
     /// Write the tables as Markdown
     #[arg(long, value_name = "FILE.md")]
     pub(super) report: Option<PathBuf>,

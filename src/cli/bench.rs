@@ -10,7 +10,7 @@ use super::console::Console;
 use super::failure::Failure;
 use super::files;
 use crate::automaton::Task;
-use crate::bench::{Case, Comparison, Strategy, compare};
+use crate::bench::{Case, Comparison, Mark, Strategy, compare, converge};
 use crate::dataset;
 use crate::mission::{self, MissionError};
 use crate::nn::Predictor;
@@ -49,6 +49,9 @@ pub(super) fn run(args: &BenchArgs, console: &Console) -> Result<(), Failure> {
     for mission in missions {
         cases.push(case(mission, predictor.as_mut(), console)?);
     }
+    if args.gaps {
+        return gaps(args, &cases, &strategies, console);
+    }
     let comparison = Comparison {
         strategies,
         trials: args.trials,
@@ -63,6 +66,58 @@ pub(super) fn run(args: &BenchArgs, console: &Console) -> Result<(), Failure> {
     let stop = super::interrupt::stop_on_interrupt();
     let bar = console.progress(cases.len() as u64, "comparing");
     let report = compare(&cases, &comparison, &stop, &mut |done| {
+        bar.set_position(done as u64);
+    })
+    .map_err(|e| Failure::input(e.to_string()))?;
+    bar.finish_and_clear();
+    if stop.is_raised() {
+        console.note("interrupted: these are the missions that were done");
+    }
+    let markdown = report.to_markdown();
+    if let Some(path) = &args.report {
+        files::write(path, markdown.as_bytes(), console)?;
+    }
+    if let Some(path) = &args.csv {
+        files::write(path, report.to_csv().as_bytes(), console)?;
+    }
+    let text = if console.json() {
+        let object = serde_json::to_string(&report).map_err(|e| Failure::input(e.to_string()))?;
+        format!("{object}\n")
+    } else {
+        markdown
+    };
+    Ok(console.result(&text)?)
+}
+
+/// Costs over time, beside the exact planner's and a lower bound.
+fn gaps(
+    args: &BenchArgs,
+    cases: &[Case],
+    strategies: &[Strategy],
+    console: &Console,
+) -> Result<(), Failure> {
+    let settings = Settings {
+        seed: args.seed,
+        iterations: args.iterations,
+        time_limit: args.time_limit,
+        y_rand: args.y_rand,
+        alpha: args.alpha,
+        ..Settings::default()
+    };
+    let powers = (3..).map(|k| 10_u64.pow(k));
+    let mut marks: Vec<Mark> = powers
+        .take_while(|&n| n < args.iterations)
+        .take(6)
+        .map(Mark::Iterations)
+        .collect();
+    marks.push(Mark::Iterations(args.iterations));
+    if let Some(limit) = args.time_limit {
+        let seconds = [0.1, 1.0, 10.0].into_iter().filter(|&s| s < limit);
+        marks.extend(seconds.chain([limit]).map(Mark::Seconds));
+    }
+    let stop = super::interrupt::stop_on_interrupt();
+    let bar = console.progress(cases.len() as u64, "searching");
+    let report = converge(cases, strategies, &settings, &marks, &stop, &mut |done| {
         bar.set_position(done as u64);
     })
     .map_err(|e| Failure::input(e.to_string()))?;

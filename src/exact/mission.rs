@@ -2,14 +2,13 @@
 
 use nalgebra::Point2;
 
-use super::chain::Chain;
-use super::realise::realise;
 use super::roadmap::{Edge, Roadmap};
+use super::search::Found;
 use super::words::{Relations, WordId, Words};
 use super::{ExactPlan, Infeasible};
-use crate::alphabet::{Letter, LetterSet, Props};
+use crate::alphabet::Letter;
 use crate::automaton::Task;
-use crate::workspace::Workspace;
+use crate::shorten::{Chain, Shortener, used_regions};
 
 /// A roadmap seen by one mission. Node number `roadmap.nodes.len()` is the start.
 pub(super) struct Mission<'a> {
@@ -65,15 +64,27 @@ impl<'a> Mission<'a> {
 
     pub(super) fn plan(&self) -> Result<ExactPlan, Infeasible> {
         let found = self.search()?;
-        let rough = Chain::new(self, &found);
+        let rough = self.chain(&found);
         let mut refined = rough.clone();
-        refined.refine(self.roadmap.config.sweeps);
-        let mut plans: Vec<ExactPlan> = [refined, rough]
+        let shortener = Shortener::new(self.roadmap.workspace, self.task, self.weight);
+        shortener.refine(&mut refined, self.roadmap.config.sweeps);
+        let plans = [refined, rough];
+        plans
             .iter()
-            .filter_map(|chain| realise(self, chain))
-            .collect();
-        plans.sort_by(|a, b| a.cost.total.total_cmp(&b.cost.total));
-        plans.into_iter().next().ok_or(Infeasible::Stutter)
+            .filter_map(|chain| shortener.realise(chain))
+            .min_by(|a, b| a.1.total.total_cmp(&b.1.total))
+            .map(|(path, cost)| ExactPlan::new(path, cost))
+            .ok_or(Infeasible::Stutter)
+    }
+
+    fn chain(&self, found: &Found) -> Chain {
+        let mut nodes = found.prefix.clone();
+        nodes.extend(found.suffix.iter().flatten());
+        Chain {
+            points: nodes.into_iter().map(|n| self.at(n)).collect(),
+            split: found.prefix.len() - 1,
+            stays: found.suffix.is_none(),
+        }
     }
 
     /// Finds the automaton's steps along every word that the mission's segments carry.
@@ -118,46 +129,4 @@ impl<'a> Mission<'a> {
     pub(super) fn is_active(&self, node: u32) -> bool {
         self.active.get(node as usize).copied().unwrap_or(true)
     }
-}
-
-/// The regions that a task speaks of: those its formula names, all if it has none.
-pub(super) fn used_regions(workspace: &Workspace, task: &Task) -> Props {
-    let Some(formula) = &task.formula else {
-        return (0..workspace.regions().len()).fold(Props::EMPTY, Props::with);
-    };
-    let names = formula.propositions();
-    let regions = names
-        .iter()
-        .filter_map(|name| workspace.alphabet().proposition(name));
-    regions.fold(Props::EMPTY, Props::with)
-}
-
-/// For each letter the number of its class: letters of one class are in the same guards, so
-/// the automaton cannot tell them apart.
-pub(super) fn letter_classes(task: &Task) -> Vec<u16> {
-    let guards: Vec<&LetterSet> = {
-        let mut all: Vec<&LetterSet> = task
-            .nba
-            .transitions
-            .iter()
-            .flatten()
-            .map(|t| &t.guard)
-            .collect();
-        all.sort_unstable();
-        all.dedup();
-        all
-    };
-    let mut classes: Vec<Vec<bool>> = Vec::new();
-    task.nba
-        .alphabet
-        .letters()
-        .map(|letter| {
-            let signature: Vec<bool> = guards.iter().map(|g| g.contains(letter)).collect();
-            let known = classes.iter().position(|c| *c == signature);
-            known.unwrap_or_else(|| {
-                classes.push(signature);
-                classes.len() - 1
-            }) as u16
-        })
-        .collect()
 }

@@ -4,20 +4,14 @@
 //! Shortest prefix-suffix paths bend at corners of obstacles, at corners of regions that they must
 //! avoid, and where they touch the border of a region that they visit. The [`Roadmap`] holds such
 //! points (the border points are sampled), joined by every free straight segment together with
-//! the letters along it. The search is optimal on the roadmap; [local refinement](self#refinement)
+//! the letters along it. The search is optimal on the roadmap; [local refinement](crate::shorten)
 //! then slides the waypoints, which removes most of what sampling the borders costs.
 //!
 //! The planner is deterministic and knows nothing of sampling-based planners, which never ask it:
 //! it stands on its own, as the expert that labels training data and as a reference for costs.
-//!
-//! # Refinement
-//! Each waypoint in turn is dropped where the word stays the same without it, or slid along the borders of
-//! the regions at hand to where the weighted length is least. The word of the path, up to
-//! stuttering and up to letters that the automaton cannot tell apart, never changes.
 
-mod chain;
+mod bound;
 mod mission;
-mod realise;
 mod roadmap;
 mod search;
 mod words;
@@ -26,15 +20,18 @@ use nalgebra::Point2;
 
 use crate::automaton::{StateId, Task};
 use crate::plan::{Cost, Path};
+use crate::shorten::used_regions;
 use crate::workspace::Workspace;
 
+pub use bound::lower_bound;
 pub use roadmap::Roadmap;
 
 /// Settings of the exact planner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactConfig {
     /// How far inside (or outside) a region its border points lie, as a share of the map's
-    /// longer side, in (0, 0.01]. Every visit costs up to twice this much more than the infimum.
+    /// longer side, in (0, 0.01]. Before refinement every visit costs up to twice this much more than
+    /// the infimum.
     pub inset: f64,
     /// The largest distance between neighbouring border points before refinement, as a share of
     /// the map's longer side.
@@ -65,6 +62,20 @@ pub struct ExactPlan {
     pub cost: Cost,
     /// The automaton states on the path, prefix and suffix, ascending.
     pub visited: Vec<StateId>,
+}
+
+impl ExactPlan {
+    fn new(path: Path, cost: Cost) -> Self {
+        let all = path.prefix.iter().chain(&path.suffix);
+        let mut visited: Vec<StateId> = all.map(|w| w.state).collect();
+        visited.sort_unstable();
+        visited.dedup();
+        Self {
+            path,
+            cost,
+            visited,
+        }
+    }
 }
 
 /// Why the exact planner found no plan.
@@ -113,6 +124,6 @@ pub fn plan(
     task: &Task,
     weight: f64,
 ) -> Result<ExactPlan, Infeasible> {
-    let used = mission::used_regions(workspace, task);
+    let used = used_regions(workspace, task);
     Roadmap::of_regions(workspace, ExactConfig::default(), used).plan(start, task, weight)
 }

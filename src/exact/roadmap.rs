@@ -3,10 +3,11 @@
 use nalgebra::{Point2, Vector2};
 
 use super::mission::Mission;
-use super::words::{WordId, Words, word_of};
+use super::words::{WordId, Words};
 use super::{ExactConfig, ExactPlan, Infeasible};
 use crate::alphabet::{Letter, Props};
 use crate::automaton::Task;
+use crate::shorten::{inward_normal, word_of};
 use crate::workspace::{Place, Polygon, Workspace};
 
 /// A point of the roadmap.
@@ -328,12 +329,6 @@ fn corners(
 
 fn is_convex(before: Point2<f64>, at: Point2<f64>, after: Point2<f64>) -> bool {
     (at - before).perp(&(after - at)) > 0.0
-}
-
-/// The unit normal of a counter-clockwise border's edge that points inwards.
-pub(super) fn inward_normal(a: Point2<f64>, b: Point2<f64>) -> Vector2<f64> {
-    let d = b - a;
-    Vector2::new(-d.y, d.x) / d.norm()
 }
 
 /// From a corner to the point at distance 1 inwards from both of its edges, no longer than 4

@@ -373,6 +373,7 @@ fn first(first: planner::First) -> First {
 
 fn stats(stats: &Stats) -> PlanStats {
     PlanStats {
+        threads: stats.threads,
         iterations: stats.iterations,
         nodes: stats.nodes,
         sites: stats.sites,

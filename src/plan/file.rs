@@ -90,6 +90,9 @@ pub struct First {
 /// Effort of a whole run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PlanStats {
+    /// Searches that ran side by side; the other counts are over all of them.
+    #[serde(default)]
+    pub threads: u64,
     /// Calls of the sampler.
     pub iterations: u64,
     /// Product states in the trees.

@@ -6,9 +6,12 @@
 //! improving until its budget ends. It asks a [`Sampler`] where to look and knows neither networks
 //! nor devices.
 
+mod parallel;
+mod polish;
 mod sampler;
 mod search;
 mod settings;
+mod split;
 mod suffix;
 mod tree;
 
@@ -23,9 +26,11 @@ use crate::system::{Spot, TransitionSystem};
 
 pub(crate) use sampler::{Aim, Draw, View};
 pub use sampler::{GuidanceError, Guide, HeatmapSums, Sampler};
-pub use search::plan;
+pub use search::{plan, profile};
 pub use settings::{Settings, SettingsError, Stop};
+pub use split::Split;
 pub(crate) use suffix::SuffixTree;
+pub(crate) use tree::Near;
 pub use tree::{NodeId, SiteId, Tree};
 
 /// A mission ready for search.
@@ -78,6 +83,9 @@ pub struct Improvement {
 /// What a search did, whether or not it found a plan.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stats {
+    /// Searches that ran side by side; all counts are over all of them together.
+    #[serde(default = "one")]
+    pub threads: u64,
     /// Sampler calls, over prefix and suffix trees together; failed samples count.
     pub iterations: u64,
     /// Samples that failed: no progress possible from the drawn node, nothing connects, or only
@@ -99,6 +107,10 @@ pub struct Stats {
     pub first_plan: Option<First>,
     /// Each cheaper plan, in order.
     pub improvements: Vec<Improvement>,
+}
+
+fn one() -> u64 {
+    1
 }
 
 /// A plan found by search.

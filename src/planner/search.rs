@@ -3,8 +3,11 @@
 use std::collections::HashMap;
 use std::time::Instant;
 
+use super::parallel::{self, Race};
+use super::polish::Polish;
 use super::sampler::{Aim, Draw, Sampler, View};
 use super::settings::{Settings, Stop};
+use super::split::Split;
 use super::suffix::SuffixTree;
 use super::tree::{NodeId, Tree};
 use super::{
@@ -13,6 +16,7 @@ use super::{
 };
 use crate::plan::{Cost, Path, Waypoint};
 use crate::random::{Random, generator};
+use crate::shorten::Shortener;
 
 /// Iterations between two looks at the clock, the stop flag and the observer.
 const HEARTBEAT: u64 = 32;
@@ -42,17 +46,38 @@ pub fn plan(
     if *problem.task.nba.alphabet != **problem.system.alphabet() {
         return Err(PlanError::Alphabet);
     }
-    let mut search = Search::new(problem, sampler, settings);
-    let reason = search.run(stop, observe);
-    search.finish(reason)
+    if settings.threads > 1 {
+        return parallel::search(problem, sampler, settings, stop, observe);
+    }
+    Search::new(problem, sampler, settings, 0).finish_after(stop, observe)
+}
+
+/// As [`plan`], and measures where the time goes.
+///
+/// # Errors
+/// As [`plan`].
+pub fn profile(
+    problem: &Problem,
+    sampler: &Sampler,
+    settings: &Settings,
+) -> Result<(Solution, Split), PlanError> {
+    settings.validate()?;
+    let mut search = Search::new(problem, sampler, settings, 0);
+    search.prefix.measure();
+    let reason = search.run(&Stop::new(), &mut |_| {});
+    let mut split = Split::default();
+    search.trees().for_each(|tree| split.add(&tree.split()));
+    let known: f64 = split.parts().iter().map(|&(_, seconds)| seconds).sum();
+    split.other = search.began.elapsed().as_secs_f64() - known;
+    Ok((search.finish(reason)?, split))
 }
 
 /// The best plan so far.
 struct Best {
+    /// The goal of the trees that it was found at.
     goal: NodeId,
-    suffix: Vec<Waypoint>,
-    suffix_length: f64,
-    total: f64,
+    path: Path,
+    cost: Cost,
 }
 
 /// Which tree an iteration goes to.
@@ -62,13 +87,15 @@ enum Turn {
     Suffix(usize),
 }
 
-struct Search<'a> {
+pub(super) struct Search<'a> {
     problem: &'a Problem,
     sampler: &'a Sampler,
     settings: &'a Settings,
     random: Random,
     began: Instant,
     prefix: Tree<'a>,
+    /// By automaton state: whether it is a goal of the prefix.
+    accepting: Vec<bool>,
     /// By letter and automaton state: whether staying is a suffix.
     staying: Vec<Vec<bool>>,
     /// Goals at which staying is not enough, in the order they were found.
@@ -76,36 +103,75 @@ struct Search<'a> {
     suffixes: Vec<SuffixTree<'a>>,
     suffix_of: HashMap<NodeId, usize>,
     suffix_iterations: u64,
+    /// No suffix tree is opened before so many of them.
+    next_opening: u64,
     turn: u64,
     /// For each node of the prefix tree, whether it is known as a goal.
     known: Vec<bool>,
     best: Option<Best>,
+    polish: Option<Polish<'a>>,
+    race: Option<&'a Race>,
     stats: Stats,
     touched: Vec<NodeId>,
 }
 
 impl<'a> Search<'a> {
-    fn new(problem: &'a Problem, sampler: &'a Sampler, settings: &'a Settings) -> Self {
+    /// A search that draws from the seed's stream of this number.
+    pub(super) fn new(
+        problem: &'a Problem,
+        sampler: &'a Sampler,
+        settings: &'a Settings,
+        stream: u64,
+    ) -> Self {
         let nba = &problem.task.nba;
         let prefix = Tree::new(&*problem.system, nba, problem.start, &nba.initial);
         Self {
             problem,
             sampler,
             settings,
-            random: generator(settings.seed, 0),
+            random: generator(settings.seed, stream),
             began: Instant::now(),
             prefix,
+            accepting: nba
+                .states()
+                .map(|q| problem.task.feasible.binary_search(&q).is_ok())
+                .collect(),
             staying: staying_accepts(&problem.task),
             open_goals: Vec::new(),
             suffixes: Vec::new(),
             suffix_of: HashMap::new(),
             suffix_iterations: 0,
+            next_opening: 0,
             turn: 0,
             known: Vec::new(),
             best: None,
-            stats: Stats::default(),
+            polish: settings
+                .shortens()
+                .then(|| problem.system.plane())
+                .flatten()
+                .map(|map| Polish::new(Shortener::new(map, &problem.task, problem.weight))),
+            race: None,
+            stats: Stats {
+                threads: 1,
+                ..Stats::default()
+            },
             touched: Vec::new(),
         }
+    }
+
+    /// Ends early once another search of the race has won.
+    pub(super) fn racing(mut self, race: Option<&'a Race>) -> Self {
+        self.race = race;
+        self
+    }
+
+    pub(super) fn finish_after(
+        mut self,
+        stop: &Stop,
+        observe: &mut dyn FnMut(Progress),
+    ) -> Result<Solution, PlanError> {
+        let reason = self.run(stop, observe);
+        self.finish(reason)
     }
 
     fn run(&mut self, stop: &Stop, observe: &mut dyn FnMut(Progress)) -> EndReason {
@@ -122,10 +188,13 @@ impl<'a> Search<'a> {
                 observe(Progress {
                     iterations: self.stats.iterations,
                     nodes: self.node_count(),
-                    cost: self.best.as_ref().map(|b| b.total),
+                    cost: self.best.as_ref().map(|b| b.cost.total),
                 });
                 if stop.is_raised() {
                     return EndReason::Stopped;
+                }
+                if self.race.is_some_and(|r| r.is_lost(self.stats.iterations)) {
+                    return EndReason::First;
                 }
                 if budget.is_some_and(|b| self.began.elapsed() >= b) {
                     return EndReason::Time;
@@ -136,6 +205,7 @@ impl<'a> Search<'a> {
                 Turn::Prefix => self.grow_prefix(),
                 Turn::Suffix(i) => self.grow_suffix(i),
             }
+            self.shorten();
         }
     }
 
@@ -159,11 +229,15 @@ impl<'a> Search<'a> {
 
     fn choose_suffix(&mut self) -> Option<usize> {
         let trees = self.suffixes.len() as u64;
-        if self.suffix_iterations >= SUFFIX_QUANTUM * trees * trees
-            && let Some(goal) = self.most_promising_goal()
-        {
-            self.open_suffix(goal);
-            return Some(self.suffixes.len() - 1);
+        let due = (SUFFIX_QUANTUM * trees * trees).max(self.next_opening);
+        if self.suffix_iterations >= due {
+            if let Some(goal) = self.most_promising_goal() {
+                self.open_suffix(goal);
+                return Some(self.suffixes.len() - 1);
+            }
+            // Looking through all goals takes time: not again at once.
+            self.next_opening =
+                self.suffix_iterations + SUFFIX_QUANTUM.max(self.open_goals.len() as u64);
         }
         // The tree of the best plan gets every second turn, the others share the rest.
         let best = self.best.as_ref().and_then(|b| self.suffix_of.get(&b.goal));
@@ -194,12 +268,13 @@ impl<'a> Search<'a> {
     /// By how much the best suffix would get longer (or, negative, shorter) if it passed the given
     /// goal instead of its own, weighted against the prefix. 0 while there is no suffix.
     fn detour(&self, goal: NodeId) -> f64 {
-        let Some(best) = self.best.as_ref().filter(|b| b.suffix.len() > 2) else {
+        let suffix = self.best.as_ref().map(|b| &b.path.suffix);
+        let Some(suffix) = suffix.filter(|s| s.len() > 2) else {
             return 0.0;
         };
         let distance = |a, b| self.problem.system.distance(a, b);
-        let (after, root) = (best.suffix[1].at, best.suffix[0].at);
-        let before = best.suffix[best.suffix.len() - 2].at;
+        let (after, root) = (suffix[1].at, suffix[0].at);
+        let before = suffix[suffix.len() - 2].at;
         let at = self.prefix.spot(goal).at;
         let change = distance(before, at) + distance(at, after)
             - distance(before, root)
@@ -212,14 +287,11 @@ impl<'a> Search<'a> {
     /// free.
     fn can_improve(&self, prefix: f64) -> bool {
         let bound = self.problem.weight * prefix;
-        self.best.as_ref().is_none_or(|b| bound < b.total)
+        self.best.as_ref().is_none_or(|b| bound < b.cost.total)
     }
 
     fn open_suffix(&mut self, goal: NodeId) {
-        let problem = self.problem;
-        let spot = self.prefix.spot(goal);
-        let state = self.prefix.state(goal);
-        let tree = SuffixTree::new(&*problem.system, &problem.task.nba, goal, spot, state);
+        let tree = SuffixTree::of(&self.prefix, goal);
         self.suffix_of.insert(goal, self.suffixes.len());
         self.suffixes.push(tree);
     }
@@ -227,20 +299,30 @@ impl<'a> Search<'a> {
     fn grow_prefix(&mut self) {
         let reached = self.stats.first_prefix.is_some();
         let aim = Aim::Prefix { reached };
-        let grown = grow(
-            self.problem,
-            self.sampler,
-            self.settings,
-            &mut self.prefix,
-            aim,
-            &mut self.random,
-        );
+        let limit = self.limit(0.0, self.problem.weight);
+        self.prefix.limit(limit);
+        let beacon = self.polish.as_mut().and_then(|p| p.beacons.pop_front());
+        let grown = match beacon {
+            Some(at) => grow_to(self.problem, self.settings, &mut self.prefix, at),
+            None => grow(
+                self.problem,
+                self.sampler,
+                self.settings,
+                &mut self.prefix,
+                aim,
+                limit,
+                &mut self.random,
+            ),
+        };
         self.stats.failed_samples += u64::from(!grown);
         self.look_at_prefix();
     }
 
     fn grow_suffix(&mut self, i: usize) {
+        let prefix = self.prefix.cost(self.suffixes[i].goal);
+        let limit = self.limit(self.problem.weight * prefix, 1.0 - self.problem.weight);
         let suffix = &mut self.suffixes[i];
+        suffix.tree.limit(limit);
         let aim = Aim::Suffix {
             state: suffix.state,
             closed: suffix.length().is_some(),
@@ -253,6 +335,8 @@ impl<'a> Search<'a> {
             self.settings,
             &mut suffix.tree,
             aim,
+            // There and back again.
+            limit / 2.0,
             &mut self.random,
         );
         self.stats.failed_samples += u64::from(!grown);
@@ -268,7 +352,7 @@ impl<'a> Search<'a> {
         self.known.resize(self.prefix.len(), false);
         for &node in &touched {
             let state = self.prefix.state(node);
-            if self.problem.task.feasible.binary_search(&state).is_err() {
+            if !self.accepting[state.index()] {
                 continue;
             }
             let letter = self.prefix.spot(node).letter;
@@ -284,7 +368,7 @@ impl<'a> Search<'a> {
             }
             if stays {
                 let at = self.prefix.spot(node).at;
-                self.consider(node, 0.0, || vec![Waypoint { at, state }]);
+                self.consider(node, None, 0.0, || vec![Waypoint { at, state }]);
             } else if let Some(&i) = self.suffix_of.get(&node) {
                 self.consider_suffix(i);
             }
@@ -297,29 +381,80 @@ impl<'a> Search<'a> {
         let (Some(length), Some(path)) = (suffix.length(), suffix.path()) else {
             return;
         };
-        self.consider(suffix.goal, length, || path);
+        self.consider(suffix.goal, Some(i), length, || path);
     }
 
-    /// Keeps a plan if it is the best so far.
-    fn consider(&mut self, goal: NodeId, suffix: f64, path: impl FnOnce() -> Vec<Waypoint>) {
-        let total = Cost::new(self.prefix.cost(goal), suffix, self.problem.weight).total;
-        if self.best.as_ref().is_some_and(|b| b.total <= total) {
-            return;
+    /// Keeps a plan if it is the best so far, and takes note of it as one that could be shortened.
+    fn consider(
+        &mut self,
+        goal: NodeId,
+        tree: Option<usize>,
+        suffix: f64,
+        path: impl FnOnce() -> Vec<Waypoint>,
+    ) {
+        let cost = Cost::new(self.prefix.cost(goal), suffix, self.problem.weight);
+        if let Some(polish) = &mut self.polish {
+            let kind = (self.prefix.state(goal), self.prefix.spot(goal).letter, tree);
+            polish.offer(kind, goal, cost.total);
         }
-        self.best = Some(Best {
-            goal,
-            suffix: path(),
-            suffix_length: suffix,
-            total,
-        });
+        if self.is_better(cost) {
+            let (prefix, suffix) = (self.prefix.path(goal), path());
+            self.keep(goal, Path { prefix, suffix }, cost);
+        }
+    }
+
+    fn is_better(&self, cost: Cost) -> bool {
+        self.best.as_ref().is_none_or(|b| cost.total < b.cost.total)
+    }
+
+    fn keep(&mut self, goal: NodeId, path: Path, cost: Cost) {
+        self.best = Some(Best { goal, path, cost });
         if self.stats.first_plan.is_none() {
-            self.stats.first_plan = Some(self.first(total));
+            self.stats.first_plan = Some(self.first(cost.total));
         }
         self.stats.improvements.push(Improvement {
             iterations: self.stats.iterations,
             seconds: self.began.elapsed().as_secs_f64(),
-            cost: total,
+            cost: cost.total,
         });
+    }
+
+    /// Shortens a candidate, if one is due.
+    fn shorten(&mut self) {
+        let (Some(polish), Some(best)) = (&mut self.polish, &self.best) else {
+            return;
+        };
+        let Some(next) = polish.next(self.stats.iterations, best.cost.total) else {
+            return;
+        };
+        let prefix = self.prefix.path(next.goal);
+        let suffix = match next.kind.2 {
+            None => prefix.last().map(|&end| vec![end]),
+            Some(i) => self.suffixes[i].path(),
+        };
+        let Some(suffix) = suffix else { return };
+        let Some((path, cost)) = polish.shorten(&Path { prefix, suffix }) else {
+            return;
+        };
+        if self.is_better(cost) {
+            let points = path.prefix.iter().skip(1).map(|w| w.at);
+            if let Some(polish) = &mut self.polish {
+                polish.beacons.clear();
+                polish.beacons.extend(points);
+            }
+            self.keep(next.goal, path, cost);
+        }
+    }
+
+    /// The length that a part of weight `share` must stay below for a plan to beat the best, where
+    /// `known` is the cost of the rest at least.
+    fn limit(&self, known: f64, share: f64) -> f64 {
+        match &self.best {
+            Some(best) if self.settings.informed && share > 1e-9 => {
+                (best.cost.total - known) / share
+            }
+            _ => f64::INFINITY,
+        }
     }
 
     fn first(&self, cost: f64) -> First {
@@ -351,18 +486,9 @@ impl<'a> Search<'a> {
             let found = NotFound::after(task, &self.prefix, self.stats, reason, edges);
             return Err(PlanError::NotFound(Box::new(found)));
         };
-        let prefix = self.prefix.path(best.goal);
-        let cost = Cost::new(
-            self.prefix.cost(best.goal),
-            best.suffix_length,
-            self.problem.weight,
-        );
         Ok(Solution {
-            path: Path {
-                prefix,
-                suffix: best.suffix,
-            },
-            cost,
+            path: best.path,
+            cost: best.cost,
             stats: self.stats,
             edges,
         })
@@ -376,8 +502,10 @@ fn grow(
     settings: &Settings,
     tree: &mut Tree<'_>,
     aim: Aim,
+    limit: f64,
     random: &mut Random,
 ) -> bool {
+    let began = tree.began();
     let view = View {
         system: &*problem.system,
         task: &problem.task,
@@ -397,11 +525,30 @@ fn grow(
         Some(range) => steer(tree.site_spot(anchor).at, at, range * side),
         None => at,
     };
+    if problem.system.distance(tree.root().at, at) >= limit {
+        return false;
+    }
     let Some(spot) = problem.system.settle(at) else {
         return false;
     };
-    let radius = settings.near_radius(tree.site_count(), side);
-    tree.extend(spot, radius, &[anchor]).is_some()
+    let near = settings.near(tree.site_count(), side);
+    tree.sampled(began);
+    tree.extend(spot, near, &[anchor]).is_some()
+}
+
+/// As [`grow`], towards a point of the best plan.
+fn grow_to(
+    problem: &Problem,
+    settings: &Settings,
+    tree: &mut Tree<'_>,
+    at: nalgebra::Point2<f64>,
+) -> bool {
+    let Some(spot) = problem.system.settle(at) else {
+        return false;
+    };
+    let anchor = tree.nearest(at);
+    let near = settings.near(tree.site_count(), problem.system.bounds().side());
+    tree.extend(spot, near, &[anchor]).is_some()
 }
 
 /// The point at most `range` away from `from` in the direction of `to`.

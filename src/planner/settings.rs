@@ -6,6 +6,9 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::parallel::MAX_THREADS;
+use super::tree::Near;
+
 /// Parameters of TL-RRT* and its samplers; the defaults are the papers' values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -16,12 +19,26 @@ pub struct Settings {
     pub iterations: u64,
     /// Wall-clock budget in seconds; results then depend on the machine. `None`: no limit.
     pub time_limit: Option<f64>,
+    /// Searches that run side by side, each with the whole budget and its own randomness; the best
+    /// plan wins. Results depend on this number as they depend on the seed.
+    pub threads: usize,
     /// Stop at the first feasible plan.
     pub first: bool,
     /// Factor of the near radius `radius · √(ln(n+1)/n)`, relative to the map's side.
     pub radius: f64,
     /// The largest near radius, relative to the map's side.
     pub max_radius: f64,
+    /// Shorten the plans that are found, where the map allows it (see [`crate::shorten`]); never with
+    /// `first`.
+    pub shorten: bool,
+    /// Pass over points and product states that no cheaper plan than the best can visit (J. D. Gammell,
+    /// S. S. Srinivasa, T. D. Barfoot, "Informed RRT*", IROS 2014, with bounds by straight lines).
+    pub informed: bool,
+    /// At most `neighbours · ln(n+1)` sites within the near radius, the nearest, are connected: RRT*'s
+    /// k-nearest rule, by which an iteration's cost grows with log n however sites cluster. Above
+    /// e·(1 + 1/2) ≈ 4.08 it keeps asymptotic optimality in the plane (S. Karaman, E. Frazzoli,
+    /// "Sampling-based algorithms for optimal motion planning", IJRR 2011, III-C).
+    pub neighbours: f64,
     /// The longest new edge relative to the map's side (steering); `None`: points are taken as
     /// drawn, as the published planner does.
     pub range: Option<f64>,
@@ -29,6 +46,9 @@ pub struct Settings {
     pub p_closest: f64,
     /// Probability that a point is drawn towards the target and not uniformly (S-6, C-2).
     pub y_rand: f64,
+    /// Probability that a point drawn towards a target in sight is drawn uniformly from the target's
+    /// region (ours: the papers' distribution hardly ever meets a small region).
+    pub p_target: f64,
     /// Standard deviation of the distance from the closest node, relative to the map's side (S-6).
     pub distance_deviation: f64,
     /// Standard deviation of the angle around the direction to the target, in radians (S-6).
@@ -44,12 +64,17 @@ impl Default for Settings {
             seed: 0,
             iterations: 10_000,
             time_limit: None,
+            threads: 1,
             first: false,
             radius: 3.0,
             max_radius: 0.8,
+            shorten: true,
+            informed: true,
+            neighbours: 4.5,
             range: None,
             p_closest: 0.9,
             y_rand: 0.8,
+            p_target: 0.05,
             distance_deviation: 1.0 / 3.0,
             angle_deviation: std::f64::consts::PI / 108.0,
             alpha: 0.8,
@@ -97,6 +122,12 @@ impl Settings {
             positive(self.max_radius),
             more,
         )?;
+        check(
+            "neighbours",
+            self.neighbours,
+            positive(self.neighbours),
+            more,
+        )?;
         let range = self.range.unwrap_or(1.0);
         check("range", range, positive(range), more)?;
         let deviation = self.distance_deviation;
@@ -121,6 +152,12 @@ impl Settings {
             "a share in [0, 1): without a uniform share the search is not complete",
         )?;
         check(
+            "p_target",
+            self.p_target,
+            unit(self.p_target),
+            "a share in [0, 1]",
+        )?;
+        check(
             "alpha",
             self.alpha,
             below_one(self.alpha),
@@ -134,6 +171,12 @@ impl Settings {
             "0 or more seconds",
         )?;
         check(
+            "threads",
+            self.threads as f64,
+            (1..=MAX_THREADS).contains(&self.threads),
+            "from 1 to 256",
+        )?;
+        check(
             "iterations",
             self.iterations as f64,
             self.iterations > 0,
@@ -141,12 +184,21 @@ impl Settings {
         )
     }
 
-    /// The near radius of RRT* for a tree of so many places on a map of this side.
+    /// Which sites count as near in RRT* for a tree of so many places on a map of this side.
     #[must_use]
-    pub(crate) fn near_radius(&self, sites: usize, side: f64) -> f64 {
+    pub(crate) fn near(&self, sites: usize, side: f64) -> Near {
         let n = sites as f64;
-        let shrinking = self.radius * (libm::log(n + 1.0) / n).sqrt();
-        shrinking.min(self.max_radius) * side
+        let log = libm::log(n + 1.0);
+        let shrinking = self.radius * (log / n).sqrt();
+        Near {
+            radius: shrinking.min(self.max_radius) * side,
+            count: (self.neighbours * log).ceil() as usize,
+        }
+    }
+
+    /// Whether plans are shortened.
+    pub(crate) fn shortens(&self) -> bool {
+        self.shorten && !self.first
     }
 
     /// The time limit as a duration.

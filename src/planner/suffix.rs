@@ -3,7 +3,7 @@
 use super::tree::{NodeId, Tree};
 use crate::automaton::{Nba, StateId};
 use crate::plan::Waypoint;
-use crate::system::{Spot, TransitionSystem};
+use crate::system::TransitionSystem;
 
 /// A tree grown from one goal of the prefix tree, and the cheapest way back found so far.
 #[derive(Debug)]
@@ -21,17 +21,13 @@ pub(crate) struct SuffixTree<'a> {
 }
 
 impl<'a> SuffixTree<'a> {
-    pub(crate) fn new(
-        system: &'a dyn TransitionSystem,
-        nba: &'a Nba,
-        goal: NodeId,
-        spot: Spot,
-        state: StateId,
-    ) -> Self {
+    /// A suffix tree for a goal of `prefix`.
+    pub(crate) fn of(prefix: &Tree<'a>, goal: NodeId) -> Self {
+        let state = prefix.state(goal);
         Self {
             goal,
             state,
-            tree: Tree::new(system, nba, spot, &[state]),
+            tree: prefix.beside(prefix.spot(goal), &[state]),
             iterations: 0,
             best: None,
             touched: Vec::new(),

@@ -4,14 +4,19 @@
 //! and the collision check of a move between two places are found once for all automaton states.
 
 mod near;
+mod steps;
+
+use std::sync::Arc;
 
 use nalgebra::Point2;
-use smallvec::SmallVec;
 
+use super::split::{Began, Clock, Split};
 use crate::automaton::{Nba, StateId};
 use crate::plan::Waypoint;
 use crate::system::{Spot, TransitionSystem};
-use near::SiteIndex;
+pub(crate) use near::Near;
+use near::{Hit, SiteIndex};
+use steps::Steps;
 
 /// The number of a node (a product state) of a [`Tree`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -37,18 +42,25 @@ const IMPROVEMENT: f64 = 1e-12;
 struct Node {
     site: SiteId,
     state: StateId,
-    cost: f64,
     parent: u32,
     first_child: u32,
     next_sibling: u32,
     previous_sibling: u32,
 }
 
-#[derive(Clone, Debug)]
+/// A place, with where its nodes stand in [`Tree::here`].
+#[derive(Clone, Copy, Debug)]
 struct Site {
     spot: Spot,
-    /// The nodes at this place, by ascending automaton state.
-    nodes: SmallVec<[(StateId, NodeId); 4]>,
+    first: u32,
+    len: u32,
+    room: u32,
+    /// The least cost of its nodes.
+    least: f64,
+    /// No node costs more.
+    most: f64,
+    /// The states that can follow its nodes, each as bit number `state mod 64`.
+    targets: u64,
 }
 
 /// A place near the one that is being added.
@@ -67,19 +79,88 @@ struct Neighbour {
 pub struct Tree<'a> {
     system: &'a dyn TransitionSystem,
     nba: &'a Nba,
+    /// What `nba` does on each letter.
+    steps: Arc<Steps>,
     sites: Vec<Site>,
     nodes: Vec<Node>,
+    /// For each node the length of the path to it.
+    costs: Vec<f64>,
+    /// For each site its nodes by ascending automaton state, with room to grow. A site that needs
+    /// more moves to the end; what it leaves behind is lost, but never more than is in use.
+    here: Vec<(StateId, NodeId)>,
     index: SiteIndex,
     /// For each automaton state, the nodes in it.
     by_state: Vec<Vec<NodeId>>,
     /// Nodes that were added or became cheaper since this was last taken.
     touched: Vec<NodeId>,
+    /// No node of this cost or more is added.
+    limit: f64,
+    clock: Clock,
+    // Buffers that are kept between calls, so that growing allocates nothing.
+    hits: Vec<Hit>,
     neighbours: Vec<Neighbour>,
     /// Places one move away, in systems of finitely many places.
     moves: Vec<Spot>,
-    /// For each automaton state, the cheapest way into it so far (see `reachable_states`).
-    ways: Vec<(f64, NodeId, f64)>,
+    ways: Ways,
     stack: Vec<(NodeId, f64)>,
+    open: Vec<NodeId>,
+}
+
+/// A way into an automaton state: its cost when it was found, the node that it comes from, and the
+/// length of the move from there.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    cost: f64,
+    from: NodeId,
+    length: f64,
+}
+
+/// For each automaton state the cheapest way into it so far.
+#[derive(Clone, Debug)]
+struct Ways {
+    into: Vec<Way>,
+    /// The states that some way leads to; in the end sorted by cost, then by number.
+    found: Vec<StateId>,
+}
+
+impl Ways {
+    fn new(states: usize) -> Self {
+        Self {
+            into: vec![
+                Way {
+                    cost: f64::INFINITY,
+                    from: NodeId(NONE),
+                    length: 0.0,
+                };
+                states
+            ],
+            found: Vec::with_capacity(states),
+        }
+    }
+
+    fn clear(&mut self) {
+        for q in self.found.drain(..) {
+            self.into[q.index()].cost = f64::INFINITY;
+        }
+    }
+
+    fn cost(&self, state: StateId) -> f64 {
+        self.into[state.index()].cost
+    }
+
+    fn set(&mut self, state: StateId, cost: f64, from: NodeId, length: f64) {
+        if self.cost(state) == f64::INFINITY {
+            self.found.push(state);
+        }
+        self.into[state.index()] = Way { cost, from, length };
+    }
+
+    fn sort(&mut self) {
+        let into = &self.into;
+        let cost = |q: &StateId| into[q.index()].cost;
+        self.found
+            .sort_unstable_by(|a, b| cost(a).total_cmp(&cost(b)).then(a.cmp(b)));
+    }
 }
 
 impl std::fmt::Debug for Tree<'_> {
@@ -100,18 +181,43 @@ impl<'a> Tree<'a> {
         root: Spot,
         states: &[StateId],
     ) -> Self {
+        Self::with_steps(system, nba, Arc::new(Steps::new(nba)), root, states)
+    }
+
+    /// As [`Tree::new`], for the world and the automaton of this tree.
+    pub(crate) fn beside(&self, root: Spot, states: &[StateId]) -> Self {
+        let mut tree =
+            Self::with_steps(self.system, self.nba, Arc::clone(&self.steps), root, states);
+        tree.clock = self.clock.same();
+        tree
+    }
+
+    fn with_steps(
+        system: &'a dyn TransitionSystem,
+        nba: &'a Nba,
+        steps: Arc<Steps>,
+        root: Spot,
+        states: &[StateId],
+    ) -> Self {
         let mut tree = Self {
             system,
             nba,
+            steps,
             sites: Vec::new(),
             nodes: Vec::new(),
+            costs: Vec::new(),
+            here: Vec::new(),
             index: SiteIndex::default(),
             by_state: vec![Vec::new(); nba.len()],
             touched: Vec::new(),
+            limit: f64::INFINITY,
+            clock: Clock::default(),
+            hits: Vec::new(),
             neighbours: Vec::new(),
             moves: Vec::new(),
-            ways: Vec::new(),
+            ways: Ways::new(nba.len()),
             stack: Vec::new(),
+            open: Vec::new(),
         };
         let site = tree.add_site(root);
         for &state in states {
@@ -166,7 +272,7 @@ impl<'a> Tree<'a> {
     /// The length of the path from the root to a node, in map units.
     #[must_use]
     pub fn cost(&self, node: NodeId) -> f64 {
-        self.nodes[node.index()].cost
+        self.costs[node.index()]
     }
 
     /// Whether a node is at the root's place.
@@ -223,7 +329,33 @@ impl<'a> Tree<'a> {
 
     /// The nodes at a site, by ascending automaton state.
     pub(crate) fn at_site(&self, site: SiteId) -> &[(StateId, NodeId)] {
-        &self.sites[site.0 as usize].nodes
+        let site = &self.sites[site.0 as usize];
+        &self.here[site.first as usize..][..site.len as usize]
+    }
+
+    /// Adds no nodes from now on that cost as much as `limit` or more.
+    pub(crate) fn limit(&mut self, limit: f64) {
+        self.limit = limit;
+    }
+
+    /// Measures from now on what growing the tree spends its time on.
+    pub(crate) fn measure(&mut self) {
+        self.clock = Clock::running();
+    }
+
+    /// The moment at which the drawing of a point begins, if that is measured.
+    pub(crate) fn began(&self) -> Began {
+        self.clock.start()
+    }
+
+    /// A point was drawn and it was found where the tree grows towards it from.
+    pub(crate) fn sampled(&mut self, began: Began) {
+        self.clock.stop(began, |s| &mut s.sample);
+    }
+
+    /// What growing the tree has spent its time on, if that is measured.
+    pub(crate) fn split(&self) -> Split {
+        self.clock.split
     }
 
     /// The node that a node's path comes from.
@@ -286,37 +418,47 @@ impl<'a> Tree<'a> {
     }
 
     /// Extend and Rewire (`nngtl.md`, III-A, steps 3 to 6): connects `spot` in every automaton
-    /// state that it can be reached in, each at least cost from the sites within `radius` and
-    /// from `also`; then reroutes those sites through it where that is cheaper. A place that is in the tree already is not
-    /// added again, but what reaches it more cheaply, or in another state, is kept.
+    /// state that it can be reached in, each at least cost from the sites `near` it and from
+    /// `also`; then reroutes those sites through it where that is cheaper. A place that is in the tree
+    /// already is not added again, but what reaches it more cheaply, or in another state, is kept.
+    /// Whether a move between two places is possible is asked once at most.
     ///
     /// Returns the site if anything was connected to it.
-    pub(crate) fn extend(&mut self, spot: Spot, radius: f64, also: &[SiteId]) -> Option<SiteId> {
+    pub(crate) fn extend(&mut self, spot: Spot, near: Near, also: &[SiteId]) -> Option<SiteId> {
         let mut neighbours = std::mem::take(&mut self.neighbours);
         let mut moves = std::mem::take(&mut self.moves);
+        let mut ways = std::mem::replace(&mut self.ways, Ways::new(0));
+        let began = self.clock.start();
         if self.system.neighbours(&spot, &mut moves) {
             self.take_neighbours(spot, &moves, &mut neighbours);
         } else {
-            self.find_neighbours(spot, radius, also, &mut neighbours);
+            self.find_neighbours(spot, near, also, &mut neighbours);
         }
-        self.moves = moves;
-        let reached = self.reachable_states(&spot, &mut neighbours);
-        let site = (!reached.is_empty()).then(|| {
-            let site = self
-                .index
-                .at(spot.at)
-                .unwrap_or_else(|| self.add_site(spot));
-            for (state, parent, distance) in reached {
-                // A place that was in the tree already: connecting it in one state may have made the
-                // parent of the next cheaper, so costs are read here.
-                let cost = self.cost(parent) + distance;
-                self.connect(site, state, cost, parent.0);
-            }
-            self.settle_states(site);
-            self.rewire(site, &mut neighbours);
-            site
-        });
-        self.neighbours = neighbours;
+        self.clock.stop(began, |s| &mut s.near);
+        let began = self.clock.start();
+        self.reachable_states(&spot, &mut neighbours, &mut ways);
+        let site = (!ways.found.is_empty()).then(|| self.join(spot, &ways));
+        self.clock.stop(began, |s| &mut s.extend);
+        if let Some(site) = site {
+            let began = self.clock.start();
+            self.rewire(site, &mut neighbours, &mut ways);
+            self.clock.stop(began, |s| &mut s.rewire);
+        }
+        ways.clear();
+        (self.neighbours, self.moves, self.ways) = (neighbours, moves, ways);
+        site
+    }
+
+    /// Adds a place with the states that lead to it.
+    fn join(&mut self, spot: Spot, ways: &Ways) -> SiteId {
+        let known = self.index.at(spot.at);
+        let site = known.unwrap_or_else(|| self.add_site(spot));
+        for &state in &ways.found {
+            // Of a known place the parent can have become cheaper by what was connected before.
+            let Way { from, length, .. } = ways.into[state.index()];
+            self.connect(site, state, self.cost(from) + length, from.0);
+        }
+        self.settle_states(site);
         site
     }
 
@@ -331,132 +473,153 @@ impl<'a> Tree<'a> {
             neighbours.push(Neighbour {
                 site,
                 distance,
-                bound: self.least_cost(site) + distance,
+                bound: self.sites[site.0 as usize].least + distance,
                 visible: Some(true),
             });
         }
-        neighbours.sort_by(|a, b| a.bound.total_cmp(&b.bound).then(a.site.cmp(&b.site)));
+        sort_by_bound(neighbours);
     }
 
-    /// The cost of the cheapest node at a site.
-    fn least_cost(&self, site: SiteId) -> f64 {
-        let nodes = &self.sites[site.0 as usize].nodes;
-        let costs = nodes.iter().map(|&(_, n)| self.cost(n));
-        costs.fold(f64::INFINITY, f64::min)
-    }
-
-    /// Step 3: the sites within `radius`, and `also`, the cheapest way in first.
+    /// Step 3: the sites `near` the place, and `also`, the cheapest way in first.
     fn find_neighbours(
-        &self,
+        &mut self,
         spot: Spot,
-        radius: f64,
+        near: Near,
         also: &[SiteId],
         neighbours: &mut Vec<Neighbour>,
     ) {
         neighbours.clear();
+        let mut hits = std::mem::take(&mut self.hits);
+        self.index.near(spot.at, near, &mut hits);
         let mut add = |site: SiteId| {
-            let distance = self.system.distance(self.site_spot(site).at, spot.at);
+            let at = self.site_spot(site).at;
+            if at == spot.at {
+                return;
+            }
+            let distance = self.system.distance(at, spot.at);
             neighbours.push(Neighbour {
                 site,
                 distance,
-                bound: self.least_cost(site) + distance,
+                bound: self.sites[site.0 as usize].least + distance,
                 visible: None,
             });
         };
-        self.index.within(spot.at, radius).for_each(&mut add);
-        for &site in also {
-            if (self.site_spot(site).at - spot.at).norm_squared() > radius * radius {
-                add(site);
-            }
-        }
-        neighbours.retain(|n| self.site_spot(n.site).at != spot.at);
-        neighbours.sort_by(|a, b| a.bound.total_cmp(&b.bound).then(a.site.cmp(&b.site)));
+        hits.iter().for_each(|hit| add(hit.site));
+        let missing = |site: &&SiteId| !hits.iter().any(|hit| hit.site == **site);
+        also.iter().filter(missing).for_each(|&site| add(site));
+        sort_by_bound(neighbours);
         neighbours.dedup_by_key(|n| n.site);
+        self.hits = hits;
     }
 
     /// Steps 4 and 5: the automaton states in which `spot` can be reached, each with its least
-    /// cost: from which node, and how far from it; cheapest first. Moves are checked only where they
-    /// would be the cheapest so far: neighbours come in the order of their bounds.
-    fn reachable_states(
-        &mut self,
-        spot: &Spot,
-        neighbours: &mut [Neighbour],
-    ) -> SmallVec<[(StateId, NodeId, f64); 8]> {
-        let mut ways = std::mem::take(&mut self.ways);
-        ways.clear();
-        ways.resize(self.nba.len(), (f64::INFINITY, NodeId(NONE), 0.0));
+    /// cost and the node that gives it. Moves are checked only where they would be the cheapest so
+    /// far: neighbours come in the order of their bounds.
+    fn reachable_states(&mut self, spot: &Spot, neighbours: &mut [Neighbour], ways: &mut Ways) {
+        // A site that leads to states only that are reached more cheaply has nothing to give.
+        let (mut reached, mut most) = (0, 0.0);
+        let few = self.by_state.len() <= 64;
         for neighbour in neighbours {
             let site = &self.sites[neighbour.site.0 as usize];
-            for &(state, node) in &site.nodes {
+            if few && neighbour.bound >= most && site.targets & !reached == 0 {
+                continue;
+            }
+            let letter = site.spot.letter;
+            for i in 0..self.at_site(neighbour.site).len() {
+                let (state, node) = self.at_site(neighbour.site)[i];
                 let cost = self.cost(node) + neighbour.distance;
-                for target in self.nba.successors(state, site.spot.letter) {
-                    if ways[target.index()].0 > cost && self.is_visible(neighbour, spot) {
-                        ways[target.index()] = (cost, node, neighbour.distance);
+                if cost >= self.limit {
+                    continue;
+                }
+                for k in self.steps.range(letter, state) {
+                    let target = self.steps.target(k);
+                    if ways.cost(target) <= cost {
+                        continue;
                     }
+                    if !self.is_visible(neighbour, spot) {
+                        break;
+                    }
+                    ways.set(target, cost, node, neighbour.distance);
+                    reached |= bit(target);
+                    most = f64::max(most, cost);
+                }
+                if neighbour.visible == Some(false) {
+                    break;
                 }
             }
         }
-        let way = |q: StateId| ways[q.index()];
-        let mut best: SmallVec<[(StateId, NodeId, f64); 8]> = self
-            .nba
-            .states()
-            .filter(|&q| way(q).0.is_finite())
-            .map(|q| (q, way(q).1, way(q).2))
-            .collect();
-        best.sort_by(|a, b| way(a.0).0.total_cmp(&way(b.0).0).then(a.0.cmp(&b.0)));
-        self.ways = ways;
-        best
+        ways.sort();
     }
 
     /// Step 6: reroutes neighbours through `site` where that is cheaper.
-    fn rewire(&mut self, site: SiteId, neighbours: &mut [Neighbour]) {
+    fn rewire(&mut self, site: SiteId, neighbours: &mut [Neighbour], ways: &mut Ways) {
         let spot = self.site_spot(site);
-        let here = self.sites[site.0 as usize].nodes.clone();
-        for neighbour in neighbours {
-            let mut improved = false;
-            for &(state, node) in &here {
-                let cost = self.cost(node) + neighbour.distance;
-                for target in self.nba.successors(state, spot.letter) {
-                    let Some(old) = self.node_at(neighbour.site, target) else {
-                        continue;
-                    };
-                    if !improves(cost, self.cost(old)) || !self.is_visible(neighbour, &spot) {
-                        continue;
-                    }
-                    self.reparent(old, node, cost);
-                    improved = true;
+        // The cheapest node to leave from, for each state that can follow.
+        ways.clear();
+        for &(state, node) in self.at_site(site) {
+            let cost = self.cost(node);
+            for k in self.steps.range(spot.letter, state) {
+                let target = self.steps.target(k);
+                if cost < ways.cost(target) {
+                    ways.set(target, cost, node, 0.0);
                 }
+            }
+        }
+        let least = self.sites[site.0 as usize].least;
+        for neighbour in neighbours {
+            let most = self.sites[neighbour.site.0 as usize].most;
+            if neighbour.visible == Some(false) || !improves(least + neighbour.distance, most) {
+                continue;
+            }
+            let mut improved = false;
+            for i in 0..self.at_site(neighbour.site).len() {
+                let (state, old) = self.at_site(neighbour.site)[i];
+                let Way { cost, from, .. } = ways.into[state.index()];
+                let cost = cost + neighbour.distance;
+                if !improves(cost, self.cost(old)) {
+                    continue;
+                }
+                if !self.is_visible(neighbour, &spot) {
+                    break;
+                }
+                self.reparent(old, from, cost);
+                improved = true;
             }
             if improved {
                 self.settle_states(neighbour.site);
             }
+            let costs = self.at_site(neighbour.site).iter();
+            let most = costs.map(|&(_, n)| self.cost(n)).fold(0.0, f64::max);
+            self.sites[neighbour.site.0 as usize].most = most;
         }
     }
 
-    fn is_visible(&self, neighbour: &mut Neighbour, spot: &Spot) -> bool {
-        *neighbour
-            .visible
-            .get_or_insert_with(|| self.system.step(&self.site_spot(neighbour.site), spot))
+    fn is_visible(&mut self, neighbour: &mut Neighbour, spot: &Spot) -> bool {
+        if let Some(known) = neighbour.visible {
+            return known;
+        }
+        let began = self.clock.start();
+        let visible = self.system.step(&self.site_spot(neighbour.site), spot);
+        self.clock.stop(began, |s| &mut s.collision);
+        neighbour.visible = Some(visible);
+        visible
     }
 
     /// Staying at `site`: from each of its nodes the automaton may read the letter there without the
     /// robot moving. Runs until nothing gets cheaper.
     pub(crate) fn settle_states(&mut self, site: SiteId) {
         let letter = self.site_spot(site).letter;
-        let mut open: SmallVec<[NodeId; 8]> = self.sites[site.0 as usize]
-            .nodes
-            .iter()
-            .map(|&(_, n)| n)
-            .collect();
+        let mut open = std::mem::take(&mut self.open);
+        open.extend(self.at_site(site).iter().map(|&(_, n)| n));
         while let Some(node) = open.pop() {
             let (state, cost) = (self.state(node), self.cost(node));
-            let targets: SmallVec<[StateId; 8]> = self.nba.successors(state, letter).collect();
-            for target in targets {
-                if let Some(changed) = self.connect(site, target, cost, node.0) {
+            for k in self.steps.range(letter, state) {
+                if let Some(changed) = self.connect(site, self.steps.target(k), cost, node.0) {
                     open.push(changed);
                 }
             }
         }
+        self.open = open;
     }
 
     /// Makes `(site, state)` reachable at `cost` from `parent`, if that is new or cheaper.
@@ -472,19 +635,24 @@ impl<'a> Tree<'a> {
     }
 
     fn node_at(&self, site: SiteId, state: StateId) -> Option<NodeId> {
-        let nodes = &self.sites[site.0 as usize].nodes;
+        let nodes = self.at_site(site);
         let i = nodes.binary_search_by_key(&state, |&(q, _)| q).ok()?;
         Some(nodes[i].1)
     }
 
     fn add_site(&mut self, spot: Spot) -> SiteId {
-        let site = SiteId(self.sites.len() as u32);
+        let id = SiteId(self.sites.len() as u32);
         self.sites.push(Site {
             spot,
-            nodes: SmallVec::new(),
+            first: self.here.len() as u32,
+            len: 0,
+            room: 0,
+            least: f64::INFINITY,
+            most: 0.0,
+            targets: 0,
         });
-        self.index.insert(spot.at, site);
-        site
+        self.index.insert(spot.at, id);
+        id
     }
 
     fn add_node(&mut self, site: SiteId, state: StateId, cost: f64, parent: u32) -> NodeId {
@@ -492,21 +660,52 @@ impl<'a> Tree<'a> {
         self.nodes.push(Node {
             site,
             state,
-            cost,
             parent: NONE,
             first_child: NONE,
             next_sibling: NONE,
             previous_sibling: NONE,
         });
-        let here = &mut self.sites[site.0 as usize].nodes;
-        let i = here.partition_point(|&(q, _)| q < state);
-        here.insert(i, (state, id));
+        self.costs.push(cost);
+        self.list_node(site, state, id);
+        let letter = self.site_spot(site).letter;
+        let targets = self
+            .steps
+            .range(letter, state)
+            .fold(0, |set, k| set | bit(self.steps.target(k)));
+        let site = &mut self.sites[site.0 as usize];
+        site.least = site.least.min(cost);
+        site.most = site.most.max(cost);
+        site.targets |= targets;
         self.by_state[state.index()].push(id);
         self.touched.push(id);
         if parent != NONE {
             self.link(id, parent);
         }
         id
+    }
+
+    /// Enters a node into the list of its site, in the order of states.
+    fn list_node(&mut self, site: SiteId, state: StateId, id: NodeId) {
+        let i = self.at_site(site).partition_point(|&(q, _)| q < state);
+        let site = &mut self.sites[site.0 as usize];
+        let (first, len) = (site.first as usize, site.len as usize);
+        site.len += 1;
+        if len < site.room as usize {
+            self.here.copy_within(first + i..first + len, first + i + 1);
+            self.here[first + i] = (state, id);
+            return;
+        }
+        // Most sites have nodes in few states. The last site grows where it stands.
+        let room = (2 * len).max(2);
+        site.room = room as u32;
+        if first + len != self.here.len() {
+            site.first = self.here.len() as u32;
+            self.here.extend_from_within(first..first + len);
+        }
+        let first = site.first as usize;
+        self.here.resize(first + room, (state, id));
+        self.here.copy_within(first + i..first + len, first + i + 1);
+        self.here[first + i] = (state, id);
     }
 
     /// Gives `node` a new parent and passes the saving on to everything below it.
@@ -520,12 +719,14 @@ impl<'a> Tree<'a> {
         let mut stack = std::mem::take(&mut self.stack);
         stack.push((node, cost));
         while let Some((node, cost)) = stack.pop() {
-            let saving = self.nodes[node.index()].cost - cost;
-            self.nodes[node.index()].cost = cost;
+            let saving = self.costs[node.index()] - cost;
+            self.costs[node.index()] = cost;
             self.touched.push(node);
+            let site = &mut self.sites[self.nodes[node.index()].site.0 as usize];
+            site.least = site.least.min(cost);
             let mut child = self.nodes[node.index()].first_child;
             while child != NONE {
-                stack.push((NodeId(child), self.nodes[child as usize].cost - saving));
+                stack.push((NodeId(child), self.costs[child as usize] - saving));
                 child = self.nodes[child as usize].next_sibling;
             }
         }
@@ -563,6 +764,16 @@ impl<'a> Tree<'a> {
             self.nodes[next_sibling as usize].previous_sibling = previous_sibling;
         }
     }
+}
+
+/// The cheapest way in first.
+fn sort_by_bound(neighbours: &mut [Neighbour]) {
+    neighbours.sort_unstable_by(|a, b| a.bound.total_cmp(&b.bound).then(a.site.cmp(&b.site)));
+}
+
+/// The bit of a state in [`Site::targets`].
+fn bit(state: StateId) -> u64 {
+    1 << (state.0 % 64)
 }
 
 fn improves(new: f64, old: f64) -> bool {

@@ -201,6 +201,10 @@ impl TransitionSystem for Continuous {
         parts[i]
     }
 
+    fn plane(&self) -> Option<&Workspace> {
+        Some(self.map())
+    }
+
     fn fingerprint(&self) -> String {
         super::fingerprint(self.map(), &[])
     }

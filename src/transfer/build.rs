@@ -313,8 +313,8 @@ impl<'a> Subtree<'a> {
             self.tree.add_root(spot, BEGIN, 0.0);
         }
         let anchor = self.tree.nearest(spot.at);
-        let radius = search.near_radius(self.tree.site_count(), system.bounds().side());
-        if self.tree.extend(spot, radius, &[anchor]).is_some() && place.is_none() {
+        let near = search.near(self.tree.site_count(), system.bounds().side());
+        if self.tree.extend(spot, near, &[anchor]).is_some() && place.is_none() {
             self.connect_roots(spot);
         }
     }

@@ -118,6 +118,7 @@ mod tests {
     use super::*;
     use crate::automaton::{Limits, Task};
     use crate::ltl::Formula;
+    use crate::planner::Near;
     use crate::random::generator;
     use crate::system::Grid;
     use crate::transfer::build::one_move_away;
@@ -155,7 +156,7 @@ mod tests {
             let mut with_goals = 0;
             for _ in 0..400 {
                 if let Some(spot) = one_move_away(&grid, &tree, &mut random) {
-                    tree.extend(spot, 1.0, &[]);
+                    tree.extend(spot, Near::ball(1.0), &[]);
                 }
                 tree.take_touched(&mut touched);
                 goals.update(&task, &tree, &touched);
@@ -184,7 +185,7 @@ mod tests {
         let (mut goals, mut touched) = (Goals::default(), Vec::new());
         for _ in 0..400 {
             if let Some(spot) = one_move_away(&grid, &tree, &mut random) {
-                tree.extend(spot, 1.0, &[]);
+                tree.extend(spot, Near::ball(1.0), &[]);
             }
         }
         tree.take_touched(&mut touched);

@@ -233,8 +233,8 @@ impl Repairer<'_> {
         let Some(spot) = spot else { return };
         let anchor = tree.nearest(spot.at);
         let side = self.problem.system.bounds().side();
-        let radius = self.settings.near_radius(tree.site_count(), side);
-        tree.extend(spot, radius, &[anchor]);
+        let near = self.settings.near(tree.site_count(), side);
+        tree.extend(spot, near, &[anchor]);
     }
 }
 

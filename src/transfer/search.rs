@@ -235,11 +235,9 @@ impl<'a> Search<'a> {
         let nba = &self.problem.task.nba;
         let closed = suffix.tree.close(&*self.problem.system, nba);
         let side = self.problem.system.bounds().side();
-        let radius = self
-            .settings
-            .near_radius(suffix.tree.tree.site_count(), side);
+        let near = self.settings.near(suffix.tree.tree.site_count(), side);
         let system = &*self.problem.system;
-        let entered = suffix.enter(self.problem, nba, &self.prefix, system, (spot, radius));
+        let entered = suffix.enter(self.problem, nba, &self.prefix, system, (spot, near));
         if let Some((path, cost)) = entered {
             suffix.total = suffix.total.min(cost.total);
             self.consider(cost, |_| path);
@@ -393,7 +391,7 @@ impl<'a> Search<'a> {
         };
         self.opened.insert(goal, self.prefix.cost(goal));
         let nba = &self.problem.task.nba;
-        let mut suffix = Suffix::new(self.kit, nba, &self.prefix, goal);
+        let mut suffix = Suffix::new(self.kit, &self.prefix, goal);
         let resumed = self.reuser.continuations.iter();
         let resumed = resumed.filter(|c| c.node == goal);
         suffix.seed(self.kit, nba, resumed, self.cycle_limit());
@@ -545,8 +543,8 @@ fn grow(
     spot: Spot,
 ) -> Option<SiteId> {
     let anchor = tree.nearest(spot.at);
-    let radius = settings.near_radius(tree.site_count(), system.bounds().side());
-    tree.extend(spot, radius, &[anchor])
+    let near = settings.near(tree.site_count(), system.bounds().side());
+    tree.extend(spot, near, &[anchor])
 }
 
 /// Lines 12 to 14: skills and endpoints that the new place leads to.

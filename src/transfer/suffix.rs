@@ -15,7 +15,7 @@
 use super::reuse::{Continuation, Kit, Reuser};
 use crate::automaton::Nba;
 use crate::plan::{Cost, Path, Waypoint};
-use crate::planner::{NodeId, Problem, SiteId, SuffixTree, Tree};
+use crate::planner::{Near, NodeId, Problem, SiteId, SuffixTree, Tree};
 use crate::system::{Spot, TransitionSystem};
 
 /// A cycle through an accepting state: its last waypoint is its first.
@@ -35,10 +35,9 @@ pub(super) struct Suffix<'a> {
 }
 
 impl<'a> Suffix<'a> {
-    pub(super) fn new(kit: &Kit<'a>, nba: &'a Nba, prefix: &Tree<'a>, goal: NodeId) -> Self {
-        let (spot, state) = (prefix.spot(goal), prefix.state(goal));
+    pub(super) fn new(kit: &Kit<'a>, prefix: &Tree<'a>, goal: NodeId) -> Self {
         Self {
-            tree: SuffixTree::new(kit.system, nba, goal, spot, state),
+            tree: SuffixTree::of(prefix, goal),
             reuser: Reuser::new(kit, false),
             total: f64::INFINITY,
             entries: None,
@@ -89,7 +88,7 @@ impl<'a> Suffix<'a> {
         nba: &'a Nba,
         prefix: &Tree<'_>,
         system: &'a dyn TransitionSystem,
-        sample: (Spot, f64),
+        sample: (Spot, Near),
     ) -> Option<(Path, Cost)> {
         let ratio = problem.weight / (1.0 - problem.weight);
         if !ratio.is_finite() || problem.weight == 0.0 {
@@ -106,9 +105,9 @@ impl<'a> Suffix<'a> {
             }
             none => none.insert(Entries::new(system, nba, tree, prefix, ratio)),
         };
-        let (spot, radius) = sample;
+        let (spot, near) = sample;
         let anchor = entries.tree.nearest(spot.at);
-        entries.tree.extend(spot, radius, &[anchor]);
+        entries.tree.extend(spot, near, &[anchor]);
         let last = entries.close(system, nba, tree)?;
         entries.plan(system, tree, prefix, last, problem.weight)
     }

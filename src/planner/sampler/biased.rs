@@ -29,7 +29,18 @@ pub(super) fn towards(
     random: &mut Random,
 ) -> Option<Draw> {
     let from = view.tree.spot(closest).at;
-    let heading = view.system.first_leg(from, target.at, target.fixed)? - from;
+    let leg = view.system.first_leg(from, target.at, target.fixed)?;
+    let heading = leg - from;
+    if let Some(letter) = target.letter
+        && leg == target.at
+        && chance(random, view.settings.p_target)
+    {
+        let at = view.system.sample_letter(letter, random);
+        return Some(Draw {
+            at,
+            closest: Some(closest),
+        });
+    }
     let length = heading.norm();
     if length <= 0.0 {
         return Some(uniform(view, random));

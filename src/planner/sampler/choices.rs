@@ -49,6 +49,8 @@ pub(super) struct Target {
     pub(super) at: Point2<f64>,
     /// Whether it is one of few fixed points, so that paths to it are worth keeping.
     pub(super) fixed: bool,
+    /// The letter that it stands for, where any other place with that letter would do.
+    pub(super) letter: Option<Letter>,
 }
 
 /// S-1 to S-4. `None`: the chosen node cannot make progress, a failed sample.
@@ -68,7 +70,11 @@ pub(super) fn destination(
         Aim::Suffix { .. } => Some(view.tree.root().at),
         Aim::Reach { at, .. } => Some(at),
     };
-    let end = end.map(|at| Target { at, fixed: true });
+    let end = end.map(|at| Target {
+        at,
+        fixed: true,
+        letter: None,
+    });
     let around = matches!(view.aim, Aim::Suffix { .. }) && at_root;
     if end.is_some() && state == goal && !around {
         // The automaton's part is done: what is left is the way to the end.
@@ -251,6 +257,7 @@ fn target_of_edge(
         return Some(Target {
             at: view.system.sample_letter(letter, random),
             fixed: false,
+            letter: None,
         });
     }
     let landmarks = view.system.landmarks(letter);
@@ -258,6 +265,7 @@ fn target_of_edge(
     Some(Target {
         at: landmarks[pick].at,
         fixed: true,
+        letter: Some(letter),
     })
 }
 

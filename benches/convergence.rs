@@ -1,0 +1,72 @@
+//! How near samplers come to the optimum on random missions: gaps to the exact planner's plans, and of
+//! these to certified lower bounds.
+//!
+//! `cargo bench --bench convergence [-- MISSIONS [SECONDS [SAMPLER…]]]`: maps of all families of the data
+//! set, patterns of the mission catalogue; 100 missions, 1 second each, uniform and biased by default.
+//! `NNGTL_CSV=FILE` writes every search.
+
+#![allow(clippy::print_stdout)] // a report is what this program is for
+
+use std::sync::Arc;
+
+use nngtl::automaton::{Limits, Task};
+use nngtl::bench::{Case, Mark, Strategy, converge};
+use nngtl::dataset::maps::{Family, draw_map, draw_start};
+use nngtl::dataset::missions::draw_pattern;
+use nngtl::planner::{Problem, Settings, Stop};
+use nngtl::random::generator;
+use nngtl::system::Continuous;
+
+/// A random mission, if it has an automaton.
+fn case(seed: u64) -> Option<Case> {
+    let mut random = generator(seed, 78);
+    let family = Family::ALL[seed as usize % Family::ALL.len()];
+    let map = draw_map(family, &mut random).workspace().ok()?;
+    let start = draw_start(&map, &mut random);
+    let (pattern, formula) = draw_pattern(map.regions().len(), &mut random);
+    let letters = Arc::clone(map.alphabet());
+    let task = Task::from_formula(&formula, letters, &Limits::default()).ok()?;
+    let system = Continuous::new(Arc::new(map), start).ok()?;
+    Some(Case {
+        name: format!("{seed}-{family}-{pattern}"),
+        problem: Problem {
+            start: system.start(),
+            system: Arc::new(system),
+            task: Arc::new(task),
+            weight: 0.2,
+        },
+        guidance: None,
+        inference_seconds: 0.0,
+    })
+}
+
+fn main() {
+    let mut arguments = std::env::args().skip(1).filter(|a| !a.starts_with('-'));
+    let missions = arguments.next().and_then(|a| a.parse().ok()).unwrap_or(100);
+    let seconds = arguments.next().and_then(|a| a.parse().ok()).unwrap_or(1.0);
+    let named: Vec<String> = arguments.collect();
+    let mut strategies = vec![Strategy::Uniform, Strategy::Biased];
+    if !named.is_empty() {
+        strategies.retain(|s| named.iter().any(|n| n == s.name()));
+    }
+    let cases: Vec<Case> = (0..).filter_map(case).take(missions).collect();
+    let settings = Settings {
+        iterations: u64::MAX,
+        time_limit: Some(seconds),
+        ..Settings::default()
+    };
+    let marks = [
+        Mark::Iterations(1_000),
+        Mark::Iterations(10_000),
+        Mark::Iterations(100_000),
+        Mark::Seconds(0.1),
+        Mark::Seconds(1.0),
+    ];
+    let stop = Stop::new();
+    let report = converge(&cases, &strategies, &settings, &marks, &stop, &mut |_| {})
+        .expect("the settings are sound");
+    print!("{}", report.to_markdown());
+    if let Ok(path) = std::env::var("NNGTL_CSV") {
+        std::fs::write(path, report.to_csv()).expect("the file can be written");
+    }
+}

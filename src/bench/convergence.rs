@@ -1,0 +1,292 @@
+//! How near samplers come to the optimum: the gap to the exact planner's plan after so many iterations
+//! and so much time.
+
+use std::fmt::Write as _;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::stats::mean;
+use super::{BenchError, Case, Strategy, sampler};
+use crate::exact;
+use crate::planner::{Improvement, PlanError, Settings, Stop, plan};
+
+/// A moment of a search at which its best plan is looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mark {
+    /// After so many iterations.
+    Iterations(u64),
+    /// After so many seconds.
+    Seconds(f64),
+}
+
+impl Mark {
+    /// The best cost at this moment.
+    fn cost(self, improvements: &[Improvement]) -> Option<f64> {
+        let before = |i: &&Improvement| match self {
+            Self::Iterations(n) => i.iterations <= n,
+            Self::Seconds(s) => i.seconds <= s,
+        };
+        improvements
+            .iter()
+            .take_while(before)
+            .last()
+            .map(|i| i.cost)
+    }
+
+    fn name(self) -> String {
+        match self {
+            Self::Iterations(n) => format!("{n} iterations"),
+            Self::Seconds(s) => format!("{s} s"),
+        }
+    }
+}
+
+/// What the exact planner says about a mission.
+#[derive(Clone, Debug, Serialize)]
+pub struct Reference {
+    /// The mission's name.
+    pub case: String,
+    /// The cost of the exact planner's plan.
+    pub upper: f64,
+    /// What every plan costs at least.
+    pub lower: f64,
+    /// Seconds that the plan took.
+    pub seconds: f64,
+    /// Seconds that the lower bound took.
+    pub bound_seconds: f64,
+}
+
+/// The costs of one search.
+#[derive(Clone, Debug, Serialize)]
+pub struct Descent {
+    /// The mission's name.
+    pub case: String,
+    /// The strategy.
+    pub strategy: Strategy,
+    /// The best cost at each mark, if there was a plan.
+    pub costs: Vec<Option<f64>>,
+}
+
+/// Costs over time of samplers, with bounds on the optimum.
+#[derive(Clone, Debug, Serialize)]
+pub struct Convergence {
+    /// The report format's version.
+    pub version: u32,
+    /// The moments looked at.
+    pub marks: Vec<Mark>,
+    /// The strategies, in the order of the report.
+    pub strategies: Vec<Strategy>,
+    /// Settings of every search.
+    pub settings: Settings,
+    /// Bounds by mission.
+    pub references: Vec<Reference>,
+    /// Every search.
+    pub descents: Vec<Descent>,
+}
+
+/// Searches every mission that the exact planner solves with every strategy until the last mark.
+///
+/// # Errors
+/// As [`compare`](super::compare).
+pub fn converge(
+    cases: &[Case],
+    strategies: &[Strategy],
+    settings: &Settings,
+    marks: &[Mark],
+    stop: &Stop,
+    progress: &mut dyn FnMut(usize),
+) -> Result<Convergence, BenchError> {
+    let mut all = Convergence {
+        version: 1,
+        marks: marks.to_vec(),
+        strategies: strategies.to_vec(),
+        settings: settings.clone(),
+        references: Vec::new(),
+        descents: Vec::new(),
+    };
+    for (done, case) in cases.iter().enumerate() {
+        if stop.is_raised() {
+            break;
+        }
+        if let Some(reference) = reference(case) {
+            for &strategy in strategies {
+                if let Some(descent) = descend(case, strategy, settings, marks, stop)? {
+                    all.descents.push(descent);
+                }
+            }
+            all.references.push(reference);
+        }
+        progress(done + 1);
+    }
+    Ok(all)
+}
+
+fn reference(case: &Case) -> Option<Reference> {
+    let problem = &case.problem;
+    let map = problem.system.plane()?;
+    let began = Instant::now();
+    let plan = exact::plan(map, problem.start.at, &problem.task, problem.weight).ok()?;
+    let seconds = began.elapsed().as_secs_f64();
+    let began = Instant::now();
+    let upper = plan.cost.total;
+    let lower = exact::lower_bound(map, problem.start.at, &problem.task, problem.weight, upper);
+    Some(Reference {
+        case: case.name.clone(),
+        upper,
+        lower,
+        seconds,
+        bound_seconds: began.elapsed().as_secs_f64(),
+    })
+}
+
+fn descend(
+    case: &Case,
+    strategy: Strategy,
+    settings: &Settings,
+    marks: &[Mark],
+    stop: &Stop,
+) -> Result<Option<Descent>, BenchError> {
+    let Some(sampler) = sampler(case, strategy)? else {
+        return Ok(None);
+    };
+    let found = plan(&case.problem, &sampler, settings, stop, &mut |_| {});
+    let improvements = match found {
+        Ok(solution) => solution.stats.improvements,
+        Err(PlanError::NotFound(why)) => why.stats.improvements,
+        Err(source) => {
+            return Err(BenchError::Plan {
+                case: case.name.clone(),
+                source: Box::new(source),
+            });
+        }
+    };
+    Ok(Some(Descent {
+        case: case.name.clone(),
+        strategy,
+        costs: marks.iter().map(|m| m.cost(&improvements)).collect(),
+    }))
+}
+
+/// How much of `base` a cost lies above it; both may be 0.
+fn gap(cost: f64, base: f64) -> f64 {
+    (cost - base) / base.abs().max(1e-6)
+}
+
+impl Convergence {
+    /// The gaps of a strategy's plans to the exact planner's at a mark, and how many had no plan.
+    #[must_use]
+    pub fn gaps(&self, strategy: Strategy, mark: usize) -> (Vec<f64>, usize) {
+        let upper = |case: &str| {
+            self.references
+                .iter()
+                .find(|r| r.case == case)
+                .map(|r| r.upper)
+        };
+        let mine = self.descents.iter().filter(|d| d.strategy == strategy);
+        let mut missing = 0;
+        let gaps = mine.filter_map(|d| {
+            missing += usize::from(d.costs[mark].is_none());
+            Some(gap(d.costs[mark]?, upper(&d.case)?))
+        });
+        let gaps = gaps.collect();
+        (gaps, missing)
+    }
+
+    /// The tables as Markdown.
+    #[must_use]
+    pub fn to_markdown(&self) -> String {
+        let bounds: Vec<f64> = self
+            .references
+            .iter()
+            .map(|r| gap(r.upper, r.lower))
+            .collect();
+        let mut text = format!(
+            "{} missions that the exact planner solves. Its plans cost at most {} more than the optimum \
+             by the lower bounds (mean {}, median {}); plan {:.1} ms, bound {:.1} ms on average.\n\n",
+            self.references.len(),
+            percent(bounds.iter().copied().fold(0.0, f64::max)),
+            percent(mean(&bounds)),
+            percent(quantile(&bounds, 0.5)),
+            1e3 * mean(
+                &self
+                    .references
+                    .iter()
+                    .map(|r| r.seconds)
+                    .collect::<Vec<_>>()
+            ),
+            1e3 * mean(
+                &self
+                    .references
+                    .iter()
+                    .map(|r| r.bound_seconds)
+                    .collect::<Vec<_>>()
+            ),
+        );
+        text.push_str(
+            "Gap of each sampler's best plan to the exact planner's (negative: better).\n\n",
+        );
+        text.push_str("| sampler | after | no plan | mean gap | median | 90 % | largest | within 1 % | within 0.1 % |\n");
+        text.push_str("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n");
+        for &strategy in &self.strategies {
+            for (k, mark) in self.marks.iter().enumerate() {
+                let (gaps, missing) = self.gaps(strategy, k);
+                let within = |limit: f64| gaps.iter().filter(|&&g| g <= limit).count();
+                let _ = writeln!(
+                    text,
+                    "| {} | {} | {missing} | {} | {} | {} | {} | {} | {} |",
+                    strategy.name(),
+                    mark.name(),
+                    percent(mean(&gaps)),
+                    percent(quantile(&gaps, 0.5)),
+                    percent(quantile(&gaps, 0.9)),
+                    percent(gaps.iter().copied().fold(f64::NEG_INFINITY, f64::max)),
+                    within(0.01),
+                    within(0.001),
+                );
+            }
+        }
+        text
+    }
+
+    /// Every search as a line of comma-separated values, with a header: costs at the marks beside the
+    /// bounds.
+    #[must_use]
+    pub fn to_csv(&self) -> String {
+        let mut text = String::from("case,strategy,lower,upper");
+        for mark in &self.marks {
+            let _ = write!(text, ",{}", mark.name());
+        }
+        text.push('\n');
+        for d in &self.descents {
+            let Some(r) = self.references.iter().find(|r| r.case == d.case) else {
+                continue;
+            };
+            let name = super::report::quoted(&d.case);
+            let _ = write!(text, "{name},{},{},{}", d.strategy.name(), r.lower, r.upper);
+            for cost in &d.costs {
+                let _ = write!(text, ",{}", cost.map_or(String::new(), |c| c.to_string()));
+            }
+            text.push('\n');
+        }
+        text
+    }
+}
+
+fn percent(share: f64) -> String {
+    if share.is_finite() {
+        format!("{:.3} %", 100.0 * share)
+    } else {
+        "–".to_owned()
+    }
+}
+
+fn quantile(values: &[f64], q: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    if sorted.is_empty() {
+        return f64::NAN;
+    }
+    super::stats::quantile(&sorted, q)
+}

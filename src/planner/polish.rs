@@ -1,0 +1,116 @@
+//! Shortening of the plans that a search finds, while it goes on.
+//!
+//! Trees find which order of visits and which way around obstacles is good long before they find its
+//! shortest path. So each candidate, the cheapest way to each kind of goal and each suffix tree's loop, is
+//! shortened now and then ([`Shortener`]), and the best plan is the cheapest of all that were found
+//! and shortened. Its prefix is then handed back as points to draw (the "beacons" of J. Nasir et al.,
+//! "RRT*-SMART: a rapid convergence implementation of RRT*", IJARS 2013), so that the tree holds it,
+//! too. Nothing here looks at any other plan than the search's own.
+
+use std::collections::VecDeque;
+
+use nalgebra::Point2;
+
+use super::tree::NodeId;
+use crate::alphabet::Letter;
+use crate::automaton::StateId;
+use crate::shorten::Shortener;
+
+/// A candidate is shortened again once it is cheaper by this share than when it was before.
+const AGAIN: f64 = 0.01;
+
+/// A candidate is not worth shortening if it costs this much more than the best plan: few paths of
+/// trees can be shortened by more.
+const PROMISING: f64 = 1.4;
+
+/// So many plans are shortened at once; after that one for so many iterations, so that shortening
+/// takes no more than about the share of the time that growing takes.
+const ALLOWANCE: u64 = 4;
+const PERIOD: u64 = 48;
+
+/// Passes over the points of a plan.
+const SWEEPS: usize = 12;
+
+/// What makes candidates alike: the goal's state and letter, and the suffix tree.
+type Kind = (StateId, Letter, Option<usize>);
+
+/// A plan that could be shortened.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Candidate {
+    pub(super) kind: Kind,
+    pub(super) goal: NodeId,
+}
+
+/// Candidates of one kind.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    kind: Kind,
+    /// The goal of the cheapest.
+    goal: NodeId,
+    /// Its cost when it was last seen.
+    cost: f64,
+    /// The cost at which one was last shortened.
+    shortened: f64,
+}
+
+/// What to shorten next.
+#[derive(Debug)]
+pub(super) struct Polish<'a> {
+    pub(super) shortener: Shortener<'a>,
+    known: Vec<Known>,
+    done: u64,
+    /// Points of the best plan that the tree should hold.
+    pub(super) beacons: VecDeque<Point2<f64>>,
+}
+
+impl<'a> Polish<'a> {
+    pub(super) fn new(shortener: Shortener<'a>) -> Self {
+        Self {
+            shortener,
+            known: Vec::new(),
+            done: 0,
+            beacons: VecDeque::new(),
+        }
+    }
+
+    /// Takes note of a plan that was found.
+    pub(super) fn offer(&mut self, kind: Kind, goal: NodeId, cost: f64) {
+        let Some(known) = self.known.iter_mut().find(|k| k.kind == kind) else {
+            self.known.push(Known {
+                kind,
+                goal,
+                cost,
+                shortened: f64::INFINITY,
+            });
+            return;
+        };
+        if cost < known.cost {
+            (known.goal, known.cost) = (goal, cost);
+        }
+    }
+
+    /// The candidate to shorten now, if any is due: the cheapest of those that are worth it.
+    pub(super) fn next(&mut self, iterations: u64, best: f64) -> Option<Candidate> {
+        if self.done >= ALLOWANCE + iterations / PERIOD {
+            return None;
+        }
+        let due =
+            |k: &&mut Known| k.cost < k.shortened * (1.0 - AGAIN) && k.cost <= PROMISING * best;
+        let next = self.known.iter_mut().filter(due);
+        let next = next.min_by(|a, b| a.cost.total_cmp(&b.cost).then(a.kind.cmp(&b.kind)))?;
+        next.shortened = next.cost;
+        self.done += 1;
+        Some(Candidate {
+            kind: next.kind,
+            goal: next.goal,
+        })
+    }
+
+    /// The plan made shorter.
+    pub(super) fn shorten(
+        &self,
+        path: &crate::plan::Path,
+    ) -> Option<(crate::plan::Path, crate::plan::Cost)> {
+        self.shortener.shorten(path, SWEEPS)
+    }
+}

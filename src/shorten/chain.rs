@@ -1,0 +1,302 @@
+//! The path as a chain of points, and its local refinement.
+
+use nalgebra::{Point2, Vector2};
+
+use super::pull::{least, taut};
+use super::{Shortener, inward_normal, word_of};
+use crate::plan::Path;
+
+/// Weights of prefix and suffix below this count as this much in refinement, so that a part of no
+/// weight is tidy too.
+const MIN_WEIGHT: f64 = 1e-3;
+
+/// How much of the way to the best place is tried where the whole of it is blocked.
+const PARTS: [f64; 4] = [1.0, 0.5, 0.25, 0.0625];
+
+/// How many places are tried for a waypoint, best first.
+const TRIES: usize = 6;
+
+/// How far beyond a region's box its borders are still at hand, as a share of the map's longer side.
+const REACH: f64 = 0.02;
+
+/// A prefix-suffix path by its points alone.
+#[derive(Clone, Debug)]
+pub(crate) struct Chain {
+    /// The prefix, then the suffix without its ends.
+    pub(crate) points: Vec<Point2<f64>>,
+    /// The index of the prefix's last point.
+    pub(crate) split: usize,
+    /// Whether the robot stays there.
+    pub(crate) stays: bool,
+}
+
+/// A path's classes of letters in a row, neighbours different.
+type Word = Vec<u16>;
+
+/// The point at the other end of a leg, with the leg's share of the cost.
+type Neighbour = (Point2<f64>, f64);
+
+impl Chain {
+    /// The points of a plan, without waits.
+    pub(super) fn of_path(path: &Path) -> Self {
+        let mut points: Vec<Point2<f64>> = path.prefix.iter().map(|w| w.at).collect();
+        points.dedup();
+        let split = points.len() - 1;
+        let turn = points[split];
+        let mut round: Vec<Point2<f64>> = path.suffix.iter().map(|w| w.at).collect();
+        round.dedup();
+        while round.last() == Some(&turn) {
+            round.pop();
+        }
+        points.extend(round.into_iter().skip_while(|p| *p == turn));
+        let stays = points.len() == split + 1;
+        Self {
+            points,
+            split,
+            stays,
+        }
+    }
+
+    /// Whether a point is neither the start nor where the suffix begins.
+    fn is_inner(&self, i: usize) -> bool {
+        i > 0 && i != self.split
+    }
+}
+
+impl Shortener<'_> {
+    /// Tightens the chain until nothing improves, in at most `sweeps` passes.
+    pub(crate) fn refine(&self, chain: &mut Chain, sweeps: usize) {
+        for _ in 0..sweeps {
+            let mut moved = false;
+            let mut i = 1;
+            while i < chain.points.len() {
+                match self.pull(chain, i) {
+                    Some(0) => {
+                        moved = true;
+                        continue;
+                    }
+                    Some(points) => {
+                        moved = true;
+                        i += points;
+                        continue;
+                    }
+                    None => {}
+                }
+                let before = chain.points.len();
+                moved |= self.slide(chain, i);
+                i += 1 + chain.points.len() - before;
+            }
+            if !moved {
+                break;
+            }
+        }
+    }
+
+    /// The points before and after `i`, with the weights of the segments to them. The prefix's last
+    /// point has three neighbours where the suffix moves.
+    fn neighbours(&self, chain: &Chain, i: usize) -> Vec<Neighbour> {
+        let prefix = self.weight.max(MIN_WEIGHT);
+        let suffix = (1.0 - self.weight).max(MIN_WEIGHT);
+        let points = &chain.points;
+        let (split, last) = (chain.split, points.len() - 1);
+        let mut found = Vec::with_capacity(3);
+        if i > 0 {
+            let weight = if i <= split { prefix } else { suffix };
+            found.push((points[i - 1], weight));
+        }
+        if i < last {
+            let weight = if i < split { prefix } else { suffix };
+            found.push((points[i + 1], weight));
+        } else if i > split {
+            found.push((points[split], suffix));
+        }
+        if i == split && !chain.stays && last > split {
+            found.push((points[last], suffix));
+        }
+        found
+    }
+
+    /// Replaces point `i` by the taut string past it where that carries the same word: around
+    /// obstacles, or else around regions, too. Returns how many points took its place.
+    fn pull(&self, chain: &mut Chain, i: usize) -> Option<usize> {
+        let only_one = i > chain.split && chain.points.len() == chain.split + 2;
+        if !chain.is_inner(i) || only_one {
+            return None;
+        }
+        let [(before, _), (after, _)] = self.neighbours(chain, i)[..] else {
+            return None;
+        };
+        let at = chain.points[i];
+        let now = (at - before).norm() + (after - at).norm();
+        let word = self.word(&[before, at, after])?;
+        for corners in [&self.corners, &self.all_corners] {
+            let mut string = vec![before];
+            string.extend(taut(before, at, after, corners));
+            string.push(after);
+            let inner = string.len() - 2;
+            if string[1..=inner] == [at] {
+                return None;
+            }
+            let gain = now - length(&string);
+            let good = gain > self.min_gain || inner == 0 && gain > -1e-3 * self.min_gain;
+            if good && self.word(&string).as_ref() == Some(&word) {
+                chain
+                    .points
+                    .splice(i..=i, string[1..=inner].iter().copied());
+                if i < chain.split {
+                    chain.split = chain.split + inner - 1;
+                }
+                return Some(inner);
+            }
+        }
+        None
+    }
+
+    /// Moves point `i` to where the weighted length is least, as far as the word allows; legs to the
+    /// new place are pulled taut around what is in their way.
+    fn slide(&self, chain: &mut Chain, i: usize) -> bool {
+        let neighbours = self.neighbours(chain, i);
+        let at = chain.points[i];
+        let star =
+            |p: Point2<f64>| -> f64 { neighbours.iter().map(|&(n, w)| (p - n).norm() * w).sum() };
+        let now = star(at);
+        let mut places = self.places(at, &star);
+        places.retain(|&(l, _)| l < now - self.min_gain);
+        if places.is_empty() {
+            return false;
+        }
+        let straight: Vec<Vec<Point2<f64>>> =
+            neighbours.iter().map(|&(n, _)| vec![n, at]).collect();
+        let Some(words) = self.star_words(&straight) else {
+            return false;
+        };
+        places.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for part in PARTS {
+            for &(_, place) in places.iter().take(TRIES) {
+                let p = at + (place - at) * part;
+                if star(p) >= now - self.min_gain || !self.is_firm(p) {
+                    continue;
+                }
+                let legs: Vec<Vec<Point2<f64>>> = neighbours
+                    .iter()
+                    .map(|&(n, _)| self.leg(n, at, p))
+                    .collect();
+                let bent = legs.iter().any(|l| l.len() > 2);
+                if bent && !self.map.is_free_segment(at, p) {
+                    continue;
+                }
+                let cost: f64 = legs
+                    .iter()
+                    .zip(&neighbours)
+                    .map(|(l, &(_, w))| length(l) * w)
+                    .sum();
+                if cost < now - self.min_gain && self.star_words(&legs).as_ref() == Some(&words) {
+                    place_legs(chain, i, p, &legs);
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// From a neighbour to the new place of a point: straight if that is free, else taut.
+    fn leg(&self, from: Point2<f64>, at: Point2<f64>, to: Point2<f64>) -> Vec<Point2<f64>> {
+        let mut leg = vec![from];
+        if !self.map.is_free_segment(from, to) {
+            leg.extend(taut(from, at, to, &self.corners));
+        }
+        leg.push(to);
+        leg
+    }
+
+    /// The classes of letters along a polyline, neighbours different.
+    fn word(&self, points: &[Point2<f64>]) -> Option<Word> {
+        let mut word = Word::new();
+        for ends in points.windows(2) {
+            let letters = word_of(self.map, ends[0], ends[1])?;
+            word.extend(letters.into_iter().map(|l| self.classes[l.index()]));
+        }
+        word.dedup();
+        Some(word)
+    }
+
+    /// What must stay the same when a point moves: for an inner point the word past it, for
+    /// others the word on each of its legs. Legs lead from the neighbours to the point.
+    fn star_words(&self, legs: &[Vec<Point2<f64>>]) -> Option<Vec<Word>> {
+        if let [before, after] = legs {
+            let through: Vec<Point2<f64>> = before
+                .iter()
+                .chain(after.iter().rev().skip(1))
+                .copied()
+                .collect();
+            return Some(vec![self.word(&through)?]);
+        }
+        legs.iter().map(|leg| self.word(leg)).collect()
+    }
+
+    /// Whether no region's border runs much closer to `p` than the inset: on the way to a place on
+    /// the other side of a border a waypoint must not creep up to it.
+    fn is_firm(&self, p: Point2<f64>) -> bool {
+        let letter = self.map.letter_at(p);
+        let reach = 0.9 * self.inset;
+        let around = [(reach, 0.0), (-reach, 0.0), (0.0, reach), (0.0, -reach)];
+        letter.is_some()
+            && around.into_iter().all(|(x, y)| {
+                let near = self.map.letter_at(p + Vector2::new(x, y));
+                near.is_none() || near == letter
+            })
+    }
+
+    /// For every border near `at`, the best place beside it, with its length.
+    fn places(
+        &self,
+        at: Point2<f64>,
+        length: &impl Fn(Point2<f64>) -> f64,
+    ) -> Vec<(f64, Point2<f64>)> {
+        let reach = Vector2::repeat(REACH * self.map.bounds().side());
+        let mut places = Vec::new();
+        for polygon in &self.regions {
+            let (min, max) = (polygon.min() - reach, polygon.max() + reach);
+            if at.x < min.x || at.y < min.y || at.x > max.x || at.y > max.y {
+                continue;
+            }
+            for (a, b) in polygon.edges() {
+                let along = (b - a).normalize() * self.inset;
+                let inward = inward_normal(a, b) * self.inset;
+                if (b - a).norm() > 4.0 * self.inset {
+                    let along = along * 1.5;
+                    places.push(least(a + along + inward, b - along + inward, length));
+                }
+                places.push(least(a - inward, b - inward, length));
+            }
+        }
+        places
+    }
+}
+
+/// Puts point `i` at `p`, with the inner points of the legs from its neighbours.
+fn place_legs(chain: &mut Chain, i: usize, p: Point2<f64>, legs: &[Vec<Point2<f64>>]) {
+    let inner = |leg: &[Point2<f64>]| leg[1..leg.len() - 1].to_vec();
+    // The leg from the last point back to the split ends the chain.
+    if let Some(closing) = legs.get(2) {
+        chain.points.extend(inner(closing));
+    }
+    let mut new = inner(&legs[0]);
+    let ahead = new.len();
+    new.push(p);
+    if let Some(after) = legs.get(1) {
+        new.extend(inner(after).into_iter().rev());
+    }
+    let more = new.len() - 1;
+    chain.points.splice(i..=i, new);
+    if i < chain.split {
+        chain.split += more;
+    } else if i == chain.split {
+        chain.split += ahead;
+    }
+}
+
+fn length(points: &[Point2<f64>]) -> f64 {
+    let legs = points.windows(2).map(|w| (w[1] - w[0]).norm());
+    legs.fold(0.0, |sum, leg| sum + leg)
+}

@@ -1,0 +1,154 @@
+//! Shortening of plans: string pulling around corners, and sliding along the borders of regions.
+//!
+//! A plan's path is taken as a chain of points. Each inner point is in turn replaced by the taut string
+//! past it (straight, or around the corners in the way), or slid along a border at hand to where the
+//! weighted length is least, as long as the letters that the path meets stay the same in the eyes of
+//! the automaton: up to stuttering, and up to letters that no guard tells apart. What comes out is a
+//! local optimum for the order of visits and the way around obstacles that the given plan chose; no
+//! other order or way is ever tried. The result's run is found anew.
+//!
+//! Planners that share nothing else use this: it sees a path and makes it shorter.
+
+mod chain;
+mod follow;
+mod pull;
+mod word;
+
+use nalgebra::{Point2, Vector2};
+
+use crate::alphabet::{Letter, LetterSet, Props};
+use crate::automaton::Task;
+use crate::plan::{Cost, Path};
+use crate::workspace::{Polygon, Workspace};
+
+pub(crate) use chain::Chain;
+pub(crate) use word::word_of;
+
+/// How far from a border a visit's waypoint comes to lie, as a share of the map's longer side: a
+/// thousand times what borders are resolved to.
+const INSET: f64 = 1e-6;
+
+/// An improvement below this share of the map's longer side is not worth a move.
+const MIN_GAIN: f64 = 1e-7;
+
+/// What shortening must know of a mission.
+#[derive(Clone, Debug)]
+pub struct Shortener<'a> {
+    map: &'a Workspace,
+    task: &'a Task,
+    /// The prefix's share λ of the cost.
+    weight: f64,
+    /// For each letter the number of its class (see [`letter_classes`]).
+    classes: Vec<u16>,
+    /// The regions that the task speaks of.
+    regions: Vec<&'a Polygon>,
+    /// Convex corners of obstacles.
+    corners: Vec<Point2<f64>>,
+    /// The same, and points just outside the convex corners of regions, for going round these.
+    all_corners: Vec<Point2<f64>>,
+    inset: f64,
+    min_gain: f64,
+}
+
+impl<'a> Shortener<'a> {
+    /// Prepares to shorten plans of one mission.
+    #[must_use]
+    pub fn new(map: &'a Workspace, task: &'a Task, weight: f64) -> Self {
+        let side = map.bounds().side();
+        let inset = INSET * side;
+        let used = used_regions(map, task).iter();
+        let regions: Vec<&Polygon> = used.map(|i| &map.regions()[i].polygon).collect();
+        let convex = |polygon: &'a Polygon| {
+            let v = polygon.vertices();
+            let n = v.len();
+            let turns = move |i: usize| {
+                let (before, at, after) = (v[(i + n - 1) % n], v[i], v[(i + 1) % n]);
+                let outward = -(inward_normal(before, at) + inward_normal(at, after));
+                let convex = (at - before).perp(&(after - at)) > 0.0;
+                convex.then_some((at, outward))
+            };
+            (0..n).filter_map(turns)
+        };
+        let inside = |p: &Point2<f64>| map.bounds().contains(*p);
+        let corners: Vec<Point2<f64>> = map
+            .obstacles()
+            .iter()
+            .flat_map(convex)
+            .map(|(at, _)| at)
+            .filter(inside)
+            .collect();
+        let around = regions.iter().copied().flat_map(convex);
+        let around = around.map(|(at, outward)| {
+            // Between the normals of two edges, so that both borders are the inset away.
+            at + outward * (2.0 * inset / outward.norm_squared().max(0.05))
+        });
+        let all_corners = corners
+            .iter()
+            .copied()
+            .chain(around.filter(inside))
+            .collect();
+        Self {
+            map,
+            task,
+            weight,
+            classes: letter_classes(task),
+            regions,
+            corners,
+            all_corners,
+            inset,
+            min_gain: MIN_GAIN * side,
+        }
+    }
+
+    /// The plan made shorter, in at most `sweeps` passes over its points; `None` if the path is not one
+    /// of this mission. A plan that cannot be made shorter comes back as good as it was.
+    #[must_use]
+    pub fn shorten(&self, path: &Path, sweeps: usize) -> Option<(Path, Cost)> {
+        let mut chain = Chain::of_path(path);
+        self.refine(&mut chain, sweeps);
+        self.realise(&chain)
+    }
+}
+
+/// The unit normal of a counter-clockwise border's edge that points inwards.
+pub(crate) fn inward_normal(a: Point2<f64>, b: Point2<f64>) -> Vector2<f64> {
+    let d = b - a;
+    Vector2::new(-d.y, d.x) / d.norm()
+}
+
+/// The regions that a task speaks of: those its formula names, all if it has none.
+pub(crate) fn used_regions(workspace: &Workspace, task: &Task) -> Props {
+    let Some(formula) = &task.formula else {
+        return (0..workspace.regions().len()).fold(Props::EMPTY, Props::with);
+    };
+    let names = formula.propositions();
+    let regions = names
+        .iter()
+        .filter_map(|name| workspace.alphabet().proposition(name));
+    regions.fold(Props::EMPTY, Props::with)
+}
+
+/// For each letter the number of its class: letters of one class are in the same guards, so
+/// the automaton cannot tell them apart.
+pub(crate) fn letter_classes(task: &Task) -> Vec<u16> {
+    let guards: Vec<&LetterSet> = {
+        let all = task.nba.transitions.iter().flatten();
+        let mut all: Vec<&LetterSet> = all.map(|t| &t.guard).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    };
+    let mut classes: Vec<Vec<bool>> = Vec::new();
+    let class = |letter: Letter| {
+        let signature: Vec<bool> = guards.iter().map(|g| g.contains(letter)).collect();
+        let known = classes.iter().position(|c| *c == signature);
+        known.unwrap_or_else(|| {
+            classes.push(signature);
+            classes.len() - 1
+        }) as u16
+    };
+    task.nba.alphabet.letters().map(class).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,89 @@
+//! Taut strings.
+
+use nalgebra::Point2;
+
+/// The points between `a` and `b` of the string from `a` by `at` to `b` once it is pulled taut around
+/// `corners`: the shortest path that can be reached by moving the string within the triangle. `a at`
+/// and `at b` must be free; then whatever stands in the way of `ab` reaches into the triangle across
+/// `ab` or lies in it, so that the hull of the corners in the triangle clears it.
+pub(super) fn taut(
+    a: Point2<f64>,
+    at: Point2<f64>,
+    b: Point2<f64>,
+    corners: &[Point2<f64>],
+) -> Vec<Point2<f64>> {
+    let area = (b - a).perp(&(at - a));
+    if area == 0.0 {
+        return Vec::new();
+    }
+    let side = area.signum();
+    // How far to the side of `at` a point lies from the line `pq`, times the length of `pq`.
+    let above = |p: Point2<f64>, q: Point2<f64>, c: Point2<f64>| side * (q - p).perp(&(c - p));
+    let (low, high) = (a.inf(&b).inf(&at), a.sup(&b).sup(&at));
+    let slack = 1e-12 * area.abs();
+    let inside = |c: &&Point2<f64>| {
+        c.x >= low.x
+            && c.y >= low.y
+            && c.x <= high.x
+            && c.y <= high.y
+            && above(a, b, **c) > slack
+            && above(a, at, **c) <= slack
+            && above(at, b, **c) <= slack
+    };
+    let mut left: Vec<Point2<f64>> = corners.iter().filter(inside).copied().collect();
+    left.retain(|&c| c != a && c != b);
+    // Gift wrapping on the side of `at`.
+    let mut found = Vec::new();
+    let mut p = a;
+    while !left.is_empty() {
+        let mut next = b;
+        for &c in &left {
+            let turn = above(p, next, c);
+            if turn > 0.0 || turn == 0.0 && (c - p).norm_squared() > (next - p).norm_squared() {
+                next = c;
+            }
+        }
+        if next == b {
+            break;
+        }
+        found.push(next);
+        left.retain(|&c| c != next);
+        p = next;
+    }
+    found
+}
+
+/// The point of the segment `ab` where a convex function is least, by golden-section search, and
+/// its value.
+pub(super) fn least(
+    mut a: Point2<f64>,
+    mut b: Point2<f64>,
+    f: &impl Fn(Point2<f64>) -> f64,
+) -> (f64, Point2<f64>) {
+    const RATIO: f64 = 0.618_033_988_749_894_8;
+    let (ends, at) = ([a, b], |p: Point2<f64>, q: Point2<f64>, t: f64| {
+        p + (q - p) * t
+    });
+    let (mut c, mut d) = (at(b, a, RATIO), at(a, b, RATIO));
+    let (mut fc, mut fd) = (f(c), f(d));
+    for _ in 0..32 {
+        if fc <= fd {
+            (b, d, fd) = (d, c, fc);
+            c = at(b, a, RATIO);
+            fc = f(c);
+        } else {
+            (a, c, fc) = (c, d, fd);
+            d = at(a, b, RATIO);
+            fd = f(d);
+        }
+    }
+    [
+        (fc, c),
+        (fd, d),
+        (f(ends[0]), ends[0]),
+        (f(ends[1]), ends[1]),
+    ]
+    .into_iter()
+    .min_by(|x, y| x.0.total_cmp(&y.0))
+    .unwrap_or((fc, c))
+}

@@ -1,0 +1,108 @@
+//! Growing trees allocates nothing once their buffers have grown: counted by an allocator of its own.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use nalgebra::Point2;
+use nngtl::automaton::{Limits, Task};
+use nngtl::planner::{Problem, Sampler, Settings, Stop, plan};
+use nngtl::system::Continuous;
+use nngtl::workspace::{Bounds, Polygon, Region, Workspace};
+
+/// The system's allocator, counting.
+struct Counting;
+
+static COUNT: AtomicU64 = AtomicU64::new(0);
+
+// SAFETY: every call is passed on to the system's allocator as it is.
+#[allow(unsafe_code)]
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps the contract of `dealloc`.
+        unsafe { System.dealloc(at, layout) }
+    }
+
+    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        COUNT.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller keeps the contract of `realloc`.
+        unsafe { System.realloc(at, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Polygon {
+    Polygon::rectangle(Point2::new(x0, y0), Point2::new(x1, y1)).unwrap()
+}
+
+/// A mission; with a wall in the way or not.
+fn problem(wall: bool) -> Problem {
+    let region = |name: &str, polygon| Region {
+        name: name.to_owned(),
+        polygon,
+    };
+    let regions = vec![
+        region("a", rectangle(0.8, 0.1, 0.9, 0.2)),
+        region("b", rectangle(0.1, 0.8, 0.2, 0.9)),
+    ];
+    let obstacles = if wall {
+        vec![rectangle(0.4, 0.0, 0.6, 0.7)]
+    } else {
+        Vec::new()
+    };
+    let map = Workspace::new(Bounds::unit(), obstacles, regions).unwrap();
+    let system = Continuous::new(Arc::new(map), Point2::new(0.1, 0.1)).unwrap();
+    let letters = Arc::clone(system.map().alphabet());
+    let formula = "F (a & F b)".parse().unwrap();
+    let task = Task::from_formula(&formula, letters, &Limits::default()).unwrap();
+    Problem {
+        start: system.start(),
+        system: Arc::new(system),
+        task: Arc::new(task),
+        weight: 0.2,
+    }
+}
+
+/// Allocations from one moment of a search to another.
+fn allocations(sampler: &Sampler, wall: bool, from: u64, to: u64) -> u64 {
+    let problem = problem(wall);
+    let settings = Settings {
+        iterations: to,
+        shorten: false,
+        ..Settings::default()
+    };
+    let mut before = None;
+    let mut after = 0;
+    let mut observe = |progress: nngtl::planner::Progress| {
+        let now = COUNT.load(Ordering::Relaxed);
+        if progress.iterations >= from {
+            before.get_or_insert(now);
+        }
+        after = now;
+    };
+    plan(&problem, sampler, &settings, &Stop::new(), &mut observe).unwrap();
+    after - before.unwrap()
+}
+
+#[test]
+fn iterations_allocate_nothing_but_doublings() {
+    // The biased sampler asks the map for shortest paths around what is in its way; what those queries
+    // allocate is the map's affair, so its mission has nothing in the way.
+    for (sampler, wall) in [(Sampler::Uniform, true), (Sampler::Biased, false)] {
+        // Arrays double a few times, and each better plan is written down once.
+        let count = allocations(&sampler, wall, 10_000, 40_000);
+        assert!(
+            count < 300,
+            "{}: {count} in 30,000 iterations",
+            sampler.name()
+        );
+    }
+}

@@ -71,7 +71,11 @@ impl<'a> Mission<'a> {
         let plans = [refined, rough];
         plans
             .iter()
-            .filter_map(|chain| shortener.realise(chain))
+            .enumerate()
+            .filter_map(|(i, chain)| Some((i, shortener.realise(chain)?)))
+            // What the roadmap gives stands on its own.
+            .filter(|(i, (path, _))| *i == 1 || shortener.is_firm_path(path))
+            .map(|(_, plan)| plan)
             .min_by(|a, b| a.1.total.total_cmp(&b.1.total))
             .map(|(path, cost)| ExactPlan::new(path, cost))
             .ok_or(Infeasible::Stutter)

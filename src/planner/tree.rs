@@ -574,8 +574,13 @@ impl<'a> Tree<'a> {
             let mut improved = false;
             for i in 0..self.at_site(neighbour.site).len() {
                 let (state, old) = self.at_site(neighbour.site)[i];
-                let Way { cost, from, .. } = ways.into[state.index()];
-                let cost = cost + neighbour.distance;
+                let way = ways.into[state.index()];
+                if way.cost == f64::INFINITY {
+                    continue;
+                }
+                // Rerouting one neighbour can have made a node here cheaper that hangs below it.
+                let from = way.from;
+                let cost = self.cost(from) + neighbour.distance;
                 if !improves(cost, self.cost(old)) {
                     continue;
                 }

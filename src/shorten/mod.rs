@@ -107,6 +107,28 @@ impl<'a> Shortener<'a> {
         let mut chain = Chain::of_path(path);
         self.refine(&mut chain, sweeps);
         self.realise(&chain)
+            .filter(|(path, _)| self.is_firm_path(path))
+    }
+
+    /// Whether the letters met along the path are those of its waypoints: a stretch so short that it
+    /// could count or not must not decide whether a region was visited.
+    pub(crate) fn is_firm_path(&self, path: &Path) -> bool {
+        [&path.prefix, &path.suffix].into_iter().all(|part| {
+            let class = |letter: Letter| self.classes[letter.index()];
+            let letters = part.iter().filter_map(|w| self.map.letter_at(w.at));
+            let mut said: Vec<u16> = letters.map(class).collect();
+            let mut seen: Vec<u16> = Vec::new();
+            for w in part.windows(2) {
+                match self.map.trace(w[0].at, w[1].at) {
+                    Ok(_) if w[0].at == w[1].at => {}
+                    Ok(stretches) => seen.extend(stretches.iter().map(|s| class(s.letter))),
+                    Err(_) => return false,
+                }
+            }
+            said.dedup();
+            seen.dedup();
+            seen.is_empty() || seen == said
+        })
     }
 }
 

@@ -8,12 +8,16 @@ use super::{
     guide, predict, problem, stats,
 };
 use crate::automaton::Task;
-use crate::plan::{Path, PlanStats, StageSeconds};
-use crate::planner::{Progress, Sampler, Stop};
+use crate::plan::{Cost, Path, PlanStats, StageSeconds};
+use crate::planner::{Problem, Progress, Sampler, Stop};
 use crate::scenario::Scenario;
+use crate::shorten::Shortener;
 use crate::transfer::{
     self, BuildProgress, BuildSampler, BuildSettings, Built, Library, Repair, Replanned, Reused,
 };
+
+/// Passes over the points of a plan that is shortened.
+const SWEEPS: usize = 12;
 
 /// Builds a library from a scenario's mission. The sampler is `uniform` as in the paper, or `guided` by
 /// the heatmap of that mission; `auto` is uniform.
@@ -75,8 +79,12 @@ pub fn transfer_task(
         stop,
         observe,
     )?;
+    let mut solution = found.solution;
+    if !options.settings.first {
+        let cost = solution.cost;
+        (solution.path, solution.cost) = shortened(&problem, options, solution.path, cost);
+    }
     let search = searched.elapsed().as_secs_f64();
-    let solution = found.solution;
     let verified = check(scenario, &task, &solution.path, &solution.cost)?;
     let mut file = file(scenario, &task, &solution.path, solution.cost);
     file.sampler = Some(format!("transfer-{}", chosen.sampler.name()));
@@ -104,6 +112,18 @@ pub fn transfer_task(
         notices: chosen.notices,
     };
     Ok((planned, found.reused))
+}
+
+/// The plan pulled taut, if the settings want that and its places are not those of a grid.
+fn shortened(problem: &Problem, options: &Options, path: Path, cost: Cost) -> (Path, Cost) {
+    let map = problem.system.plane().filter(|_| options.settings.shorten);
+    let shorter = map.and_then(|map| {
+        Shortener::new(map, &problem.task, problem.weight).shorten(&path, SWEEPS)
+    });
+    match shorter {
+        Some((path, shorter)) if shorter.total < cost.total => (path, shorter),
+        _ => (path, cost),
+    }
 }
 
 /// What was done to a plan in a changed environment.
@@ -139,7 +159,7 @@ pub fn replan_task(
     let began = Instant::now();
     let shared = Arc::new(task);
     let problem = problem(scenario, Arc::clone(&shared))?;
-    let (repair, change) = match transfer::replan(&problem, plan, &options.settings) {
+    let (mut repair, change) = match transfer::replan(&problem, plan, &options.settings) {
         Replanned::Unchanged(repair) => (repair, Change::None),
         Replanned::Repaired(repair) => {
             let (segments, seconds) = (repair.segments, repair.seconds);
@@ -154,6 +174,9 @@ pub fn replan_task(
             return Ok((planned, Change::Anew));
         }
     };
+    if change != Change::None {
+        (repair.path, repair.cost) = shortened(&problem, options, repair.path, repair.cost);
+    }
     let Repair { path, cost, .. } = repair;
     let verified = check(scenario, &shared, &path, &cost)?;
     let mut file = file(scenario, &shared, &path, cost);

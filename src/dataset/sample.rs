@@ -37,7 +37,13 @@ pub(super) fn draw_sample(config: &GenerateConfig, index: u64) -> Sample {
             drop_for(&mut filtered, "unsound map");
             continue;
         };
-        let roadmap = Roadmap::new(&workspace, ExactConfig::default());
+        // Labels are rounded: their points keep away from borders.
+        let usual = ExactConfig::default();
+        let exact = ExactConfig {
+            refined_inset: usual.inset,
+            ..usual
+        };
+        let roadmap = Roadmap::new(&workspace, exact);
         let start = draw_start(&workspace, &mut random);
         if roadmap.reachable(start).len() < map.regions.len() {
             drop_for(&mut filtered, "map with unreachable regions");

@@ -66,7 +66,8 @@ impl<'a> Mission<'a> {
         let found = self.search()?;
         let rough = self.chain(&found);
         let mut refined = rough.clone();
-        let shortener = Shortener::new(self.roadmap.workspace, self.task, self.weight);
+        let (map, config) = (self.roadmap.workspace, &self.roadmap.config);
+        let shortener = Shortener::with_inset(map, self.task, self.weight, config.refined_inset);
         shortener.refine(&mut refined, self.roadmap.config.sweeps);
         let plans = [refined, rough];
         plans

@@ -33,6 +33,8 @@ pub struct ExactConfig {
     /// longer side, in (0, 0.01]. Before refinement every visit costs up to twice this much more than
     /// the infimum.
     pub inset: f64,
+    /// The same after refinement; what is below a millionth counts as that.
+    pub refined_inset: f64,
     /// The largest distance between neighbouring border points before refinement, as a share of
     /// the map's longer side.
     pub spacing: f64,
@@ -46,6 +48,7 @@ impl Default for ExactConfig {
     fn default() -> Self {
         Self {
             inset: 5e-4,
+            refined_inset: 0.0,
             spacing: 0.06,
             suffix_searches: 200,
             sweeps: 8,

@@ -117,9 +117,8 @@ pub fn transfer_task(
 /// The plan pulled taut, if the settings want that and its places are not those of a grid.
 fn shortened(problem: &Problem, options: &Options, path: Path, cost: Cost) -> (Path, Cost) {
     let map = problem.system.plane().filter(|_| options.settings.shorten);
-    let shorter = map.and_then(|map| {
-        Shortener::new(map, &problem.task, problem.weight).shorten(&path, SWEEPS)
-    });
+    let shorter = map
+        .and_then(|map| Shortener::new(map, &problem.task, problem.weight).shorten(&path, SWEEPS));
     match shorter {
         Some((path, shorter)) if shorter.total < cost.total => (path, shorter),
         _ => (path, cost),

@@ -54,8 +54,15 @@ impl<'a> Shortener<'a> {
     /// Prepares to shorten plans of one mission.
     #[must_use]
     pub fn new(map: &'a Workspace, task: &'a Task, weight: f64) -> Self {
+        Self::with_inset(map, task, weight, INSET)
+    }
+
+    /// The same, with waypoints that keep this far from the borders of regions, as a share of the map's
+    /// longer side: plans that will be rounded need more than those that will not.
+    #[must_use]
+    pub fn with_inset(map: &'a Workspace, task: &'a Task, weight: f64, inset: f64) -> Self {
         let side = map.bounds().side();
-        let inset = INSET * side;
+        let inset = inset.max(INSET) * side;
         let used = used_regions(map, task).iter();
         let regions: Vec<&Polygon> = used.map(|i| &map.regions()[i].polygon).collect();
         let convex = |polygon: &'a Polygon| {

@@ -53,7 +53,7 @@ fn formulas_that_nothing_satisfies_are_told_apart_from_those_that_this_map_rules
         region: "a".into(),
         other: "b".into(),
     };
-    assert_eq!(facts("<> (a && b)"), [disjoint.clone()]);
+    assert_eq!(facts("<> (a && b)"), std::slice::from_ref(&disjoint));
     assert_eq!(facts("<> (a && b) && [] (inner -> a)"), [disjoint]);
     let inside = LetterFact::Inside {
         region: "inner".into(),

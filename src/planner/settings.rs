@@ -9,6 +9,10 @@ use serde::{Deserialize, Serialize};
 use super::parallel::MAX_THREADS;
 use super::tree::Near;
 
+/// However small the tree, so many sites are connected: a point that is drawn far ahead is often in sight of
+/// few of those near it.
+const LEAST_NEIGHBOURS: usize = 250;
+
 /// Parameters of TL-RRT* and its samplers; the defaults are the papers' values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -192,7 +196,7 @@ impl Settings {
         let shrinking = self.radius * (log / n).sqrt();
         Near {
             radius: shrinking.min(self.max_radius) * side,
-            count: (self.neighbours * log).ceil() as usize,
+            count: ((self.neighbours * log).ceil() as usize).max(LEAST_NEIGHBOURS),
         }
     }
 

@@ -242,3 +242,19 @@ fn what_is_read_back_is_what_the_program_makes_of_the_formula() {
         assert!((cost - record.cost).abs() < 1e-6);
     }
 }
+
+/// Coordinates are rounded: plans that hug borders would nearly all be lost, and their missions with them.
+#[test]
+fn few_missions_are_lost_by_rounding() {
+    let folder = TempDir::new().unwrap();
+    let manifest = run(&GenerateConfig {
+        to: 12,
+        ..config(folder.path())
+    });
+    let lost = manifest.filtered.get("lost by rounding").copied();
+    assert!(
+        10 * lost.unwrap_or(0) <= manifest.missions,
+        "{lost:?} of {}",
+        manifest.missions
+    );
+}

@@ -1,4 +1,5 @@
-//! A certified lower bound on the cost of every plan of a mission.
+//! A certified lower bound on the cost of every plan of a mission whose suffix begins where the automaton
+//! accepts, as the papers' plans do.
 //!
 //! # The bound
 //! Where the letter changes, a path crosses the border of a region that the task speaks of. Those borders
@@ -67,7 +68,7 @@ const PRECISION: f64 = 1e-4;
 /// longer side; the bound is lowered by it.
 const RESOLUTION: f64 = 1e-6;
 
-/// What every plan of the mission costs at least; `upper` is the cost of a known one (or infinite), and
+/// What every plan of the mission costs at least whose suffix begins in an accepting state; `upper` is the cost of a known one (or infinite), and
 /// what is returned is at most that. `weight` is the prefix's share λ of the cost.
 #[must_use]
 pub fn lower_bound(

@@ -1,7 +1,7 @@
 //! Shortest obstacle-free paths between points of the map, by a visibility graph.
 //!
 //! A shortest path bends only at convex corners of obstacles, and only tangentially. Which corners
-//! see each other is found when first asked for, by looking through the [mesh](super::mesh) of the
+//! see each other is found when first asked for, by looking through the mesh of the
 //! free space, and kept up to [a bound](MAX_LINKS). From all corners to a target, distances are found
 //! once per target ([`VisibilityGraph::paths_to`]); a query from a point then needs the corners that it
 //! sees. For a target that is asked for once, [`VisibilityGraph::first_leg`] searches from both ends of

@@ -3,8 +3,10 @@
 //! Product states that share a place share one *site*: its letter, its entry in the spatial index
 //! and the collision check of a move between two places are found once for all automaton states.
 
+mod links;
 mod near;
 mod steps;
+mod ways;
 
 use std::sync::Arc;
 
@@ -17,6 +19,7 @@ use crate::system::{Spot, TransitionSystem};
 pub(crate) use near::Near;
 use near::{Hit, SiteIndex};
 use steps::Steps;
+use ways::{Way, Ways};
 
 /// The number of a node (a product state) of a [`Tree`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -104,63 +107,6 @@ pub struct Tree<'a> {
     ways: Ways,
     stack: Vec<(NodeId, f64)>,
     open: Vec<NodeId>,
-}
-
-/// A way into an automaton state: its cost when it was found, the node that it comes from, and the
-/// length of the move from there.
-#[derive(Clone, Copy, Debug)]
-struct Way {
-    cost: f64,
-    from: NodeId,
-    length: f64,
-}
-
-/// For each automaton state the cheapest way into it so far.
-#[derive(Clone, Debug)]
-struct Ways {
-    into: Vec<Way>,
-    /// The states that some way leads to; in the end sorted by cost, then by number.
-    found: Vec<StateId>,
-}
-
-impl Ways {
-    fn new(states: usize) -> Self {
-        Self {
-            into: vec![
-                Way {
-                    cost: f64::INFINITY,
-                    from: NodeId(NONE),
-                    length: 0.0,
-                };
-                states
-            ],
-            found: Vec::with_capacity(states),
-        }
-    }
-
-    fn clear(&mut self) {
-        for q in self.found.drain(..) {
-            self.into[q.index()].cost = f64::INFINITY;
-        }
-    }
-
-    fn cost(&self, state: StateId) -> f64 {
-        self.into[state.index()].cost
-    }
-
-    fn set(&mut self, state: StateId, cost: f64, from: NodeId, length: f64) {
-        if self.cost(state) == f64::INFINITY {
-            self.found.push(state);
-        }
-        self.into[state.index()] = Way { cost, from, length };
-    }
-
-    fn sort(&mut self) {
-        let into = &self.into;
-        let cost = |q: &StateId| into[q.index()].cost;
-        self.found
-            .sort_unstable_by(|a, b| cost(a).total_cmp(&cost(b)).then(a.cmp(b)));
-    }
 }
 
 impl std::fmt::Debug for Tree<'_> {
@@ -711,63 +657,6 @@ impl<'a> Tree<'a> {
         self.here.resize(first + room, (state, id));
         self.here.copy_within(first + i..first + len, first + i + 1);
         self.here[first + i] = (state, id);
-    }
-
-    /// Gives `node` a new parent and passes the saving on to everything below it.
-    fn reparent(&mut self, node: NodeId, parent: NodeId, cost: f64) {
-        self.unlink(node);
-        if parent.0 == NONE {
-            self.nodes[node.index()].parent = NONE;
-        } else {
-            self.link(node, parent.0);
-        }
-        let mut stack = std::mem::take(&mut self.stack);
-        stack.push((node, cost));
-        while let Some((node, cost)) = stack.pop() {
-            let saving = self.costs[node.index()] - cost;
-            self.costs[node.index()] = cost;
-            self.touched.push(node);
-            let site = &mut self.sites[self.nodes[node.index()].site.0 as usize];
-            site.least = site.least.min(cost);
-            let mut child = self.nodes[node.index()].first_child;
-            while child != NONE {
-                stack.push((NodeId(child), self.costs[child as usize] - saving));
-                child = self.nodes[child as usize].next_sibling;
-            }
-        }
-        self.stack = stack;
-    }
-
-    fn link(&mut self, node: NodeId, parent: u32) {
-        let first = self.nodes[parent as usize].first_child;
-        let n = &mut self.nodes[node.index()];
-        n.parent = parent;
-        n.previous_sibling = NONE;
-        n.next_sibling = first;
-        if first != NONE {
-            self.nodes[first as usize].previous_sibling = node.0;
-        }
-        self.nodes[parent as usize].first_child = node.0;
-    }
-
-    fn unlink(&mut self, node: NodeId) {
-        let Node {
-            parent,
-            next_sibling,
-            previous_sibling,
-            ..
-        } = self.nodes[node.index()];
-        if parent == NONE {
-            return;
-        }
-        if previous_sibling == NONE {
-            self.nodes[parent as usize].first_child = next_sibling;
-        } else {
-            self.nodes[previous_sibling as usize].next_sibling = next_sibling;
-        }
-        if next_sibling != NONE {
-            self.nodes[next_sibling as usize].previous_sibling = previous_sibling;
-        }
     }
 }
 

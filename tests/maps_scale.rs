@@ -1,5 +1,5 @@
 //! A maze with thousands of corners: missions on it are planned, and what that takes is printed.
-#![allow(clippy::print_stdout)]
+#![allow(clippy::print_stdout)] // tells what was measured
 
 use std::fmt::Write as _;
 use std::sync::Arc;

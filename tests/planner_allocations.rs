@@ -16,7 +16,7 @@ struct Counting;
 static COUNT: AtomicU64 = AtomicU64::new(0);
 
 // SAFETY: every call is passed on to the system's allocator as it is.
-#[allow(unsafe_code)]
+#[allow(unsafe_code)] // an allocator cannot be written without
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.fetch_add(1, Ordering::Relaxed);

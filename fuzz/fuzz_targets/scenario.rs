@@ -1,7 +1,7 @@
 //! `cargo +nightly fuzz run scenario` (from the root of the repository).
 #![no_main]
 
-#[allow(dead_code)]
+#[allow(dead_code)] // every target uses one of the entry functions
 #[path = "../../tests/fuzz_entries/mod.rs"]
 mod entries;
 

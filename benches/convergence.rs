@@ -36,6 +36,7 @@ fn case(seed: u64) -> Option<Case> {
             weight: 0.2,
         },
         guidance: None,
+        labels: None,
         inference_seconds: 0.0,
     })
 }

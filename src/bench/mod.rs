@@ -34,6 +34,9 @@ pub enum Strategy {
     Flat,
     /// Guided by the networks.
     Guided,
+    /// The guided rule with the labels of the data set in place of the networks: what perfect networks
+    /// would gain. A control that reads the answer, not a planner.
+    Oracle,
 }
 
 impl Strategy {
@@ -45,6 +48,7 @@ impl Strategy {
             Self::Biased => "biased",
             Self::Flat => "flat",
             Self::Guided => "guided",
+            Self::Oracle => "oracle",
         }
     }
 }
@@ -58,6 +62,8 @@ pub struct Case {
     pub problem: Problem,
     /// The networks' predictions, if they fit the mission.
     pub guidance: Option<Guidance>,
+    /// What perfect networks would predict, if the mission came with labels.
+    pub labels: Option<Guidance>,
     /// What encoding and inference took, in seconds.
     pub inference_seconds: f64,
 }
@@ -171,6 +177,7 @@ fn sampler(case: &Case, strategy: Strategy) -> Result<Option<Sampler>, BenchErro
         Strategy::Biased => Some(Sampler::Biased),
         Strategy::Flat => Some(guided(&flat(states))?),
         Strategy::Guided => case.guidance.as_ref().map(guided).transpose()?,
+        Strategy::Oracle => case.labels.as_ref().map(guided).transpose()?,
     })
 }
 

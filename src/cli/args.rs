@@ -423,6 +423,8 @@ pub(super) enum StrategyName {
     Flat,
     /// Guided by the networks
     Guided,
+    /// The guided rule with a data set's labels in place of the networks: the most they could gain
+    Oracle,
 }
 
 /// A benchmark of its own.

@@ -12,6 +12,7 @@ use super::files;
 use crate::automaton::Task;
 use crate::bench::{Case, Comparison, Mark, Strategy, compare, converge};
 use crate::dataset;
+use crate::guidance::Guidance;
 use crate::mission::{self, MissionError};
 use crate::nn::Predictor;
 use crate::planner::{Problem, Settings};
@@ -26,6 +27,8 @@ struct Mission {
     start: Point2<f64>,
     task: Task,
     weight: f64,
+    /// The guidance that a data set's labels make.
+    labels: Option<Guidance>,
 }
 
 pub(super) fn run(args: &BenchArgs, console: &Console) -> Result<(), Failure> {
@@ -147,6 +150,7 @@ fn strategy(name: StrategyName) -> Strategy {
         StrategyName::Biased => Strategy::Biased,
         StrategyName::Flat => Strategy::Flat,
         StrategyName::Guided => Strategy::Guided,
+        StrategyName::Oracle => Strategy::Oracle,
     }
 }
 
@@ -171,6 +175,7 @@ fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Fa
             match mission {
                 Ok(m) => found.push(Mission {
                     name: format!("{}-{}", m.map, found.len()),
+                    labels: Some(m.guidance()),
                     map: m.workspace,
                     start: m.start,
                     task: m.task,
@@ -193,6 +198,7 @@ fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Fa
                 start: s.start,
                 task,
                 weight: s.weight,
+                labels: None,
             }),
             Err(e) => skip(e),
         }
@@ -211,6 +217,7 @@ fn case(
         start,
         task,
         weight,
+        labels,
     } = mission;
     let mut guidance = None;
     let mut inference_seconds = 0.0;
@@ -236,6 +243,7 @@ fn case(
             weight,
         },
         guidance,
+        labels,
         inference_seconds,
     })
 }

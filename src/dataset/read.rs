@@ -13,8 +13,12 @@ use super::MANIFEST;
 use super::record::{FORMAT, Manifest, MapRecord, MissionRecord, RecordError, ShardEntry, point};
 use super::sample::translate;
 use crate::automaton::{Task, TaskError};
+use crate::guidance::{Guidance, Heatmap};
 use crate::ltl::{Formula, ParseError};
-use crate::workspace::Workspace;
+use crate::workspace::{Bounds, Workspace};
+
+/// Cells per side of the heatmap that labels make, as in training.
+const LABEL_SIDE: usize = 200;
 
 /// Why a data set could not be read.
 #[derive(Debug, thiserror::Error)]
@@ -172,6 +176,49 @@ pub struct LabelledMission {
     pub task: Task,
     /// What the data set says about it.
     pub record: MissionRecord,
+}
+
+impl LabelledMission {
+    /// What perfect networks would predict: the expert's path with the four neighbours of each of its cells
+    /// on a grid of 200 × 200, and the automaton states that it passes.
+    #[must_use]
+    pub fn guidance(&self) -> Guidance {
+        let mut states = vec![0.0; self.task.nba.len()];
+        for &q in &self.record.visited {
+            if let Some(state) = states.get_mut(q as usize) {
+                *state = 1.0;
+            }
+        }
+        let mut heatmap = Heatmap {
+            side: LABEL_SIDE,
+            values: vec![0.0; LABEL_SIDE * LABEL_SIDE],
+        };
+        for part in [&self.record.prefix, &self.record.suffix] {
+            for leg in part.windows(2) {
+                mark_leg(&mut heatmap, self.workspace.bounds(), point(leg[0]), point(leg[1]));
+            }
+        }
+        Guidance { heatmap, states }
+    }
+}
+
+/// Marks the cells along a leg and their four neighbours.
+fn mark_leg(heatmap: &mut Heatmap, bounds: Bounds, from: Point2<f64>, to: Point2<f64>) {
+    let side = heatmap.side;
+    let per_unit = side as f64 / bounds.side();
+    // Four points a cell: a corner that they cut off is a neighbour of what they mark.
+    let steps = ((to - from).norm() * per_unit * 4.0).ceil().max(1.0);
+    for k in 0..=steps as usize {
+        let at = (from + (to - from) * (k as f64 / steps) - bounds.min) * per_unit;
+        let cell = |w: f64| (w.max(0.0) as usize).min(side - 1);
+        let (i, j) = (cell(at.x), cell(at.y));
+        let around = [(i, j), (i + 1, j), (i.wrapping_sub(1), j), (i, j + 1), (i, j.wrapping_sub(1))];
+        for (i, j) in around {
+            if i < side && j < side {
+                heatmap.values[i * side + j] = 1.0;
+            }
+        }
+    }
 }
 
 /// All missions of a data set, in order; shards are read one at a time.

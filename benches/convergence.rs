@@ -64,8 +64,16 @@ fn main() {
         Mark::Seconds(1.0),
     ];
     let stop = Stop::new();
-    let report = converge(&cases, &strategies, &settings, &marks, &stop, &mut |_| {})
-        .expect("the settings are sound");
+    let report = converge(
+        &cases,
+        &strategies,
+        &settings,
+        &marks,
+        true,
+        &stop,
+        &mut |_| {},
+    )
+    .expect("the settings are sound");
     print!("{}", report.to_markdown());
     if let Ok(path) = std::env::var("NNGTL_CSV") {
         std::fs::write(path, report.to_csv()).expect("the file can be written");

@@ -35,6 +35,15 @@ pub struct Landmark {
     pub area: f64,
 }
 
+/// The beginning of a shortest path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Leg {
+    /// Where the path bends first; its end if it does not bend.
+    pub to: Point2<f64>,
+    /// The length of the whole path, in map units.
+    pub length: f64,
+}
+
 /// A weighted transition system (`nngtl.md`, II-A): places, letters, moves and their costs.
 ///
 /// Moves are reversible: `step(a, b)` equals `step(b, a)`, and so does their cost.
@@ -67,9 +76,9 @@ pub trait TransitionSystem: Send + Sync {
     /// The destinations for `letter` that can be reached from the start.
     fn landmarks(&self, letter: Letter) -> &[Landmark];
 
-    /// The first point after `from` on the shortest path to `to` that meets no obstacle; `None`
-    /// if there is no path. With `keep`, what was found out about `to` is kept for later calls.
-    fn first_leg(&self, from: Point2<f64>, to: Point2<f64>, keep: bool) -> Option<Point2<f64>>;
+    /// How the shortest path to `to` that meets no obstacle begins; `None` if there is no path. With
+    /// `keep`, what was found out about `to` is kept for later calls.
+    fn first_leg(&self, from: Point2<f64>, to: Point2<f64>, keep: bool) -> Option<Leg>;
 
     /// In a system of finitely many places: puts every place that one move from `from` leads to
     /// (staying left out) into `into` and returns `true`. `false` where places are infinitely many.

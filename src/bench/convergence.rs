@@ -1,12 +1,13 @@
 //! How near samplers come to the optimum: the gap to the exact planner's plan after so many iterations
 //! and so much time.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::time::Instant;
 
 use serde::Serialize;
 
-use super::stats::mean;
+use super::stats::{Ratio, mean};
 use super::{BenchError, Case, Strategy, sampler};
 use crate::exact;
 use crate::planner::{Improvement, PlanError, Settings, Stop, plan};
@@ -50,13 +51,16 @@ pub struct Reference {
     pub case: String,
     /// The cost of the exact planner's plan.
     pub upper: f64,
-    /// What every plan costs at least.
-    pub lower: f64,
+    /// What every plan costs at least, if that was asked for.
+    pub lower: Option<f64>,
     /// Seconds that the plan took.
     pub seconds: f64,
     /// Seconds that the lower bound took.
     pub bound_seconds: f64,
 }
+
+/// How near to the exact planner's plan counts as there.
+pub(super) const NEAR: [f64; 2] = [0.05, 0.01];
 
 /// The costs of one search.
 #[derive(Clone, Debug, Serialize)]
@@ -67,6 +71,15 @@ pub struct Descent {
     pub strategy: Strategy,
     /// The best cost at each mark, if there was a plan.
     pub costs: Vec<Option<f64>>,
+    /// For 5 % and for 1 %: after how many iterations and seconds the best plan cost at most that much
+    /// more than the exact planner's; `None` if it never did.
+    pub reached: [Option<(u64, f64)>; NEAR.len()],
+    /// Iterations of the whole search.
+    pub iterations: u64,
+    /// Seconds of the whole search.
+    pub seconds: f64,
+    /// Seconds of encoding and inference before it, for the guided strategy.
+    pub inference_seconds: f64,
 }
 
 /// Costs over time of samplers, with bounds on the optimum.
@@ -86,7 +99,8 @@ pub struct Convergence {
     pub descents: Vec<Descent>,
 }
 
-/// Searches every mission that the exact planner solves with every strategy until the last mark.
+/// Searches every mission that the exact planner solves with every strategy until the last mark; with
+/// `bounds`, certified lower bounds are computed too, which takes seconds a mission.
 ///
 /// # Errors
 /// As [`compare`](super::compare).
@@ -95,6 +109,7 @@ pub fn converge(
     strategies: &[Strategy],
     settings: &Settings,
     marks: &[Mark],
+    bounds: bool,
     stop: &Stop,
     progress: &mut dyn FnMut(usize),
 ) -> Result<Convergence, BenchError> {
@@ -110,9 +125,11 @@ pub fn converge(
         if stop.is_raised() {
             break;
         }
-        if let Some(reference) = reference(case) {
+        if let Some(reference) = reference(case, bounds) {
             for &strategy in strategies {
-                if let Some(descent) = descend(case, strategy, settings, marks, stop)? {
+                if let Some(descent) =
+                    descend(case, strategy, settings, marks, reference.upper, stop)?
+                {
                     all.descents.push(descent);
                 }
             }
@@ -123,7 +140,7 @@ pub fn converge(
     Ok(all)
 }
 
-fn reference(case: &Case) -> Option<Reference> {
+fn reference(case: &Case, bounds: bool) -> Option<Reference> {
     let problem = &case.problem;
     let map = problem.system.plane()?;
     let began = Instant::now();
@@ -131,7 +148,8 @@ fn reference(case: &Case) -> Option<Reference> {
     let seconds = began.elapsed().as_secs_f64();
     let began = Instant::now();
     let upper = plan.cost.total;
-    let lower = exact::lower_bound(map, problem.start.at, &problem.task, problem.weight, upper);
+    let (start, task, weight) = (problem.start.at, &problem.task, problem.weight);
+    let lower = bounds.then(|| exact::lower_bound(map, start, task, weight, upper));
     Some(Reference {
         case: case.name.clone(),
         upper,
@@ -146,15 +164,16 @@ fn descend(
     strategy: Strategy,
     settings: &Settings,
     marks: &[Mark],
+    upper: f64,
     stop: &Stop,
 ) -> Result<Option<Descent>, BenchError> {
     let Some(sampler) = sampler(case, strategy)? else {
         return Ok(None);
     };
     let found = plan(&case.problem, &sampler, settings, stop, &mut |_| {});
-    let improvements = match found {
-        Ok(solution) => solution.stats.improvements,
-        Err(PlanError::NotFound(why)) => why.stats.improvements,
+    let stats = match found {
+        Ok(solution) => solution.stats,
+        Err(PlanError::NotFound(why)) => why.stats,
         Err(source) => {
             return Err(BenchError::Plan {
                 case: case.name.clone(),
@@ -165,8 +184,27 @@ fn descend(
     Ok(Some(Descent {
         case: case.name.clone(),
         strategy,
-        costs: marks.iter().map(|m| m.cost(&improvements)).collect(),
+        costs: marks.iter().map(|m| m.cost(&stats.improvements)).collect(),
+        reached: NEAR.map(|share| {
+            let there = |i: &&Improvement| gap(i.cost, upper) <= share;
+            let first = stats.improvements.iter().find(there)?;
+            Some((first.iterations, first.seconds))
+        }),
+        iterations: stats.iterations,
+        seconds: stats.seconds,
+        inference_seconds: match strategy {
+            Strategy::Guided => case.inference_seconds,
+            _ => 0.0,
+        },
     }))
+}
+
+/// What a search took to come near the exact planner's plan.
+struct Spent {
+    iterations: f64,
+    /// With inference.
+    milliseconds: f64,
+    never: bool,
 }
 
 /// How much of `base` a cost lies above it; both may be 0.
@@ -200,30 +238,28 @@ impl Convergence {
         let bounds: Vec<f64> = self
             .references
             .iter()
-            .map(|r| gap(r.upper, r.lower))
+            .filter_map(|r| Some(gap(r.upper, r.lower?)))
             .collect();
+        let of = |value: fn(&Reference) -> f64| -> Vec<f64> {
+            self.references.iter().map(value).collect()
+        };
         let mut text = format!(
-            "{} missions that the exact planner solves. Its plans cost at most {} more than the optimum \
-             by the lower bounds (mean {}, median {}); plan {:.1} ms, bound {:.1} ms on average.\n\n",
+            "{} missions that the exact planner solves, in {:.1} ms on average.",
             self.references.len(),
-            percent(bounds.iter().copied().fold(0.0, f64::max)),
-            percent(mean(&bounds)),
-            percent(quantile(&bounds, 0.5)),
-            1e3 * mean(
-                &self
-                    .references
-                    .iter()
-                    .map(|r| r.seconds)
-                    .collect::<Vec<_>>()
-            ),
-            1e3 * mean(
-                &self
-                    .references
-                    .iter()
-                    .map(|r| r.bound_seconds)
-                    .collect::<Vec<_>>()
-            ),
+            1e3 * mean(&of(|r| r.seconds)),
         );
+        if !bounds.is_empty() {
+            let _ = write!(
+                text,
+                " Its plans cost at most {} more than the optimum by the lower bounds (mean {}, median {}), which take \
+                 {:.1} ms on average.",
+                percent(bounds.iter().copied().fold(0.0, f64::max)),
+                percent(mean(&bounds)),
+                percent(quantile(&bounds, 0.5)),
+                1e3 * mean(&of(|r| r.bound_seconds)),
+            );
+        }
+        text.push_str("\n\n");
         text.push_str(
             "Gap of each sampler's best plan to the exact planner's (negative: better).\n\n",
         );
@@ -247,7 +283,63 @@ impl Convergence {
                 );
             }
         }
+        self.write_reached(&mut text);
         text
+    }
+
+    /// The table of iterations and seconds until plans are near the exact planner's.
+    fn write_reached(&self, text: &mut String) {
+        text.push_str(
+            "\nUntil the best plan costs at most so much more than the exact planner's; a search that never gets there \
+             counts with all that it spent. Means, with medians in brackets; ratios of means to biased with 95 % \
+             bootstrap intervals over missions.\n\n",
+        );
+        text.push_str("| sampler | within | never | iterations | ms | iterations ÷ biased | time ÷ biased |\n");
+        text.push_str("| --- | ---: | ---: | ---: | ---: | ---: | ---: |\n");
+        for (k, share) in NEAR.iter().enumerate() {
+            for &strategy in &self.strategies {
+                let mine = self.spent(strategy, k);
+                let never = mine.values().filter(|s| s.never).count();
+                let cell = |value: fn(&Spent) -> f64, digits: usize| {
+                    let all: Vec<f64> = mine.values().map(value).collect();
+                    format!("{:.digits$} ({:.digits$})", mean(&all), quantile(&all, 0.5))
+                };
+                let against = self.spent(Strategy::Biased, k);
+                let ratio = |value: fn(&Spent) -> f64| {
+                    let pairs: Vec<(f64, f64)> = mine
+                        .iter()
+                        .filter_map(|(case, s)| Some((value(s), value(against.get(case)?))))
+                        .collect();
+                    Ratio::of_means(&pairs).map_or("–".to_owned(), |r| r.to_string())
+                };
+                let _ = writeln!(
+                    text,
+                    "| {} | {} % | {never} of {} | {} | {} | {} | {} |",
+                    strategy.name(),
+                    100.0 * share,
+                    mine.len(),
+                    cell(|s| s.iterations, 0),
+                    cell(|s| s.milliseconds, 2),
+                    ratio(|s| s.iterations),
+                    ratio(|s| s.milliseconds),
+                );
+            }
+        }
+    }
+
+    /// What each mission's search spent until the share number `k` of [`NEAR`], by mission.
+    fn spent(&self, strategy: Strategy, k: usize) -> BTreeMap<&str, Spent> {
+        let mine = self.descents.iter().filter(|d| d.strategy == strategy);
+        mine.map(|d| {
+            let (iterations, seconds) = d.reached[k].unwrap_or((d.iterations, d.seconds));
+            let spent = Spent {
+                iterations: iterations as f64,
+                milliseconds: 1e3 * (seconds + d.inference_seconds),
+                never: d.reached[k].is_none(),
+            };
+            (d.case.as_str(), spent)
+        })
+        .collect()
     }
 
     /// Every search as a line of comma-separated values, with a header: costs at the marks beside the
@@ -264,7 +356,13 @@ impl Convergence {
                 continue;
             };
             let name = super::report::quoted(&d.case);
-            let _ = write!(text, "{name},{},{},{}", d.strategy.name(), r.lower, r.upper);
+            let _ = write!(
+                text,
+                "{name},{},{},{}",
+                d.strategy.name(),
+                r.lower.map_or(String::new(), |l| l.to_string()),
+                r.upper
+            );
             for cost in &d.costs {
                 let _ = write!(text, ",{}", cost.map_or(String::new(), |c| c.to_string()));
             }

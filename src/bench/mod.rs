@@ -29,6 +29,8 @@ pub enum Strategy {
     Uniform,
     /// Biased sampling.
     Biased,
+    /// The rules of guided sampling without predictions.
+    Directed,
     /// The guided rule with a flat heatmap and flat state probabilities: what the rule gains
     /// without any network. What a network adds is what lies below it.
     Flat,
@@ -46,6 +48,7 @@ impl Strategy {
         match self {
             Self::Uniform => "uniform",
             Self::Biased => "biased",
+            Self::Directed => "directed",
             Self::Flat => "flat",
             Self::Guided => "guided",
             Self::Oracle => "oracle",
@@ -175,6 +178,7 @@ fn sampler(case: &Case, strategy: Strategy) -> Result<Option<Sampler>, BenchErro
     Ok(match strategy {
         Strategy::Uniform => Some(Sampler::Uniform),
         Strategy::Biased => Some(Sampler::Biased),
+        Strategy::Directed => Some(Sampler::Directed),
         Strategy::Flat => Some(guided(&flat(states))?),
         Strategy::Guided => case.guidance.as_ref().map(guided).transpose()?,
         Strategy::Oracle => case.labels.as_ref().map(guided).transpose()?,

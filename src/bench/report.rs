@@ -144,10 +144,7 @@ impl Report {
             text.push_str("| --- | --- | ---: | ---: | ---: | ---: | ---: |\n");
         }
         for r in &self.ratios {
-            let cell = |x: &Option<Ratio>| match x {
-                Some(x) => format!("{:.3} [{:.3}, {:.3}]", x.value, x.low, x.high),
-                None => "–".to_owned(),
-            };
+            let cell = |x: &Option<Ratio>| x.map_or("–".to_owned(), |x| x.to_string());
             let _ = writeln!(
                 text,
                 "| {} | {} | {} | {} | {} | {} | {} |",

@@ -60,6 +60,12 @@ pub struct Ratio {
     pub high: f64,
 }
 
+impl std::fmt::Display for Ratio {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:.3} [{:.3}, {:.3}]", self.value, self.low, self.high)
+    }
+}
+
 impl Ratio {
     /// The ratio of the means of pairs (numerator, denominator), with a percentile bootstrap over
     /// pairs: what belongs to one scenario is drawn together. `None` without pairs or if the

@@ -203,18 +203,22 @@ pub(super) struct SearchArgs {
     /// Probability that a choice follows the predicted states
     #[arg(long, value_name = "P", default_value_t = Settings::default().alpha)]
     pub(super) alpha: f64,
+    #[command(flatten)]
+    pub(super) guided: GuidedArgs,
 }
 
 /// Where to look next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum SamplerName {
-    /// Guided if the networks fit the mission, else biased
+    /// Guided if the networks fit the mission, else directed
     #[default]
     Auto,
     /// Uniformly over the free space
     Uniform,
     /// Towards what the automaton needs next
     Biased,
+    /// By the rules of guided sampling, without networks
+    Directed,
     /// As the networks predict
     Guided,
     /// No sampling: an exact search over the map's corners
@@ -398,9 +402,17 @@ pub(super) struct BenchArgs {
     #[arg(long, value_name = "P", default_value_t = Settings::default().alpha)]
     pub(super) alpha: f64,
     /// Search on to the last iteration (or second, see --time-limit) and report how near the cost comes
-    /// to the exact planner's plan, beside a certified lower bound; one run of each sampler
+    /// to the exact planner's plan, and when; one run of each sampler
     #[arg(long)]
     pub(super) gaps: bool,
+    /// With --gaps: certified lower bounds too, which take seconds a mission
+    #[arg(long, requires = "gaps")]
+    pub(super) bounds: bool,
+    /// Guided sampling exactly as in the paper (C-1 and C-2), without what nngtl adds
+    #[arg(long)]
+    pub(super) paper_rule: bool,
+    #[command(flatten)]
+    pub(super) guided: GuidedArgs,
     /// With --gaps: seconds of each search at most
     #[arg(long, value_name = "S", requires = "gaps")]
     pub(super) time_limit: Option<f64>,
@@ -412,6 +424,20 @@ pub(super) struct BenchArgs {
     pub(super) csv: Option<PathBuf>,
 }
 
+/// How guided sampling goes beyond the paper; 0 is the paper's rule.
+#[derive(Args, Clone, Debug)]
+pub(super) struct GuidedArgs {
+    /// Guided: probability to extend the node with the least way left, not one drawn uniformly
+    #[arg(long, value_name = "P", default_value_t = Settings::default().lead)]
+    pub(super) lead: f64,
+    /// Guided: probability to draw from the target's region once a straight leg leads there
+    #[arg(long, value_name = "P", default_value_t = Settings::default().p_region)]
+    pub(super) p_region: f64,
+    /// Guided: half side of the square around the next corner of the shortest way, relative to the map's side
+    #[arg(long, value_name = "R", default_value_t = Settings::default().corner)]
+    pub(super) corner: f64,
+}
+
 /// A sampler of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum StrategyName {
@@ -419,6 +445,8 @@ pub(super) enum StrategyName {
     Uniform,
     /// Biased sampling
     Biased,
+    /// The rules of guided sampling without networks, as plan has them
+    Directed,
     /// The guided rule with a flat heatmap and flat state probabilities
     Flat,
     /// Guided by the networks

@@ -58,13 +58,7 @@ pub(super) fn run(args: &BenchArgs, console: &Console) -> Result<(), Failure> {
     let comparison = Comparison {
         strategies,
         trials: args.trials,
-        settings: Settings {
-            seed: args.seed,
-            iterations: args.iterations,
-            y_rand: args.y_rand,
-            alpha: args.alpha,
-            ..Settings::default()
-        },
+        settings: settings(args),
     };
     let stop = super::interrupt::stop_on_interrupt();
     let bar = console.progress(cases.len() as u64, "comparing");
@@ -100,12 +94,8 @@ fn gaps(
     console: &Console,
 ) -> Result<(), Failure> {
     let settings = Settings {
-        seed: args.seed,
-        iterations: args.iterations,
         time_limit: args.time_limit,
-        y_rand: args.y_rand,
-        alpha: args.alpha,
-        ..Settings::default()
+        ..settings(args)
     };
     let powers = (3..).map(|k| 10_u64.pow(k));
     let mut marks: Vec<Mark> = powers
@@ -120,9 +110,17 @@ fn gaps(
     }
     let stop = super::interrupt::stop_on_interrupt();
     let bar = console.progress(cases.len() as u64, "searching");
-    let report = converge(cases, strategies, &settings, &marks, &stop, &mut |done| {
-        bar.set_position(done as u64);
-    })
+    let report = converge(
+        cases,
+        strategies,
+        &settings,
+        &marks,
+        args.bounds,
+        &stop,
+        &mut |done| {
+            bar.set_position(done as u64);
+        },
+    )
     .map_err(|e| Failure::input(e.to_string()))?;
     bar.finish_and_clear();
     if stop.is_raised() {
@@ -144,10 +142,29 @@ fn gaps(
     Ok(console.result(&text)?)
 }
 
+fn settings(args: &BenchArgs) -> Settings {
+    let settings = Settings {
+        seed: args.seed,
+        iterations: args.iterations,
+        y_rand: args.y_rand,
+        alpha: args.alpha,
+        lead: args.guided.lead,
+        p_region: args.guided.p_region,
+        corner: args.guided.corner,
+        ..Settings::default()
+    };
+    if args.paper_rule {
+        settings.paper_rule()
+    } else {
+        settings
+    }
+}
+
 fn strategy(name: StrategyName) -> Strategy {
     match name {
         StrategyName::Uniform => Strategy::Uniform,
         StrategyName::Biased => Strategy::Biased,
+        StrategyName::Directed => Strategy::Directed,
         StrategyName::Flat => Strategy::Flat,
         StrategyName::Guided => Strategy::Guided,
         StrategyName::Oracle => Strategy::Oracle,

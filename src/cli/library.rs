@@ -86,7 +86,7 @@ pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Fa
     let sampler = match args.sampler {
         SamplerName::Uniform | SamplerName::Auto => SamplerChoice::Uniform,
         SamplerName::Guided => SamplerChoice::Guided,
-        SamplerName::Biased | SamplerName::Exact => {
+        SamplerName::Biased | SamplerName::Directed | SamplerName::Exact => {
             let why = "a library is built with uniform or guided sampling: choose one of them";
             return Err(Failure::input(why));
         }

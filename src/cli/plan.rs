@@ -85,6 +85,7 @@ pub(super) fn options(args: &PlanArgs) -> Options {
             SamplerName::Auto => SamplerChoice::Auto,
             SamplerName::Uniform => SamplerChoice::Uniform,
             SamplerName::Biased => SamplerChoice::Biased,
+            SamplerName::Directed => SamplerChoice::Directed,
             SamplerName::Guided => SamplerChoice::Guided,
             SamplerName::Exact => SamplerChoice::Exact,
         },
@@ -108,6 +109,9 @@ pub(super) fn options(args: &PlanArgs) -> Options {
             distance_deviation: search.distance_deviation,
             angle_deviation: search.angle_deviation,
             alpha: search.alpha,
+            lead: search.guided.lead,
+            p_region: search.guided.p_region,
+            corner: search.guided.corner,
         },
     }
 }

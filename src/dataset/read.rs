@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use flate2::read::GzDecoder;
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 use sha2::{Digest, Sha256};
 
 use super::MANIFEST;
@@ -15,10 +15,13 @@ use super::sample::translate;
 use crate::automaton::{Task, TaskError};
 use crate::guidance::{Guidance, Heatmap};
 use crate::ltl::{Formula, ParseError};
-use crate::workspace::{Bounds, Workspace};
+use crate::workspace::Workspace;
 
 /// Cells per side of the heatmap that labels make, as in training.
 const LABEL_SIDE: usize = 200;
+
+/// How far from a place its mark falls to e^(−1/2), in sides of the frame, as in training.
+const LABEL_SPREAD: f64 = 0.015;
 
 /// Why a data set could not be read.
 #[derive(Debug, thiserror::Error)]
@@ -179,8 +182,8 @@ pub struct LabelledMission {
 }
 
 impl LabelledMission {
-    /// What perfect networks would predict: the expert's path with the four neighbours of each of its cells
-    /// on a grid of 200 × 200, and the automaton states that it passes.
+    /// What perfect networks would predict: the places where the expert's path bends or meets regions, and the
+    /// automaton states that it passes. The same target as in training (`docs/dataset.md`).
     #[must_use]
     pub fn guidance(&self) -> Guidance {
         let mut states = vec![0.0; self.task.nba.len()];
@@ -193,30 +196,29 @@ impl LabelledMission {
             side: LABEL_SIDE,
             values: vec![0.0; LABEL_SIDE * LABEL_SIDE],
         };
-        for part in [&self.record.prefix, &self.record.suffix] {
-            for leg in part.windows(2) {
-                mark_leg(&mut heatmap, self.workspace.bounds(), point(leg[0]), point(leg[1]));
-            }
+        let bounds = self.workspace.bounds();
+        let points = self.record.prefix.iter().chain(&self.record.suffix).skip(1);
+        for &at in points {
+            mark(&mut heatmap, (point(at) - bounds.min) / bounds.side());
         }
         Guidance { heatmap, states }
     }
 }
 
-/// Marks the cells along a leg and their four neighbours.
-fn mark_leg(heatmap: &mut Heatmap, bounds: Bounds, from: Point2<f64>, to: Point2<f64>) {
+/// Marks a place, given in the frame of side 1.
+fn mark(heatmap: &mut Heatmap, at: Vector2<f64>) {
     let side = heatmap.side;
-    let per_unit = side as f64 / bounds.side();
-    // Four points a cell: a corner that they cut off is a neighbour of what they mark.
-    let steps = ((to - from).norm() * per_unit * 4.0).ceil().max(1.0);
-    for k in 0..=steps as usize {
-        let at = (from + (to - from) * (k as f64 / steps) - bounds.min) * per_unit;
-        let cell = |w: f64| (w.max(0.0) as usize).min(side - 1);
-        let (i, j) = (cell(at.x), cell(at.y));
-        let around = [(i, j), (i + 1, j), (i.wrapping_sub(1), j), (i, j + 1), (i, j.wrapping_sub(1))];
-        for (i, j) in around {
-            if i < side && j < side {
-                heatmap.values[i * side + j] = 1.0;
-            }
+    let fall = |centre: f64| {
+        let weight = move |i: usize| {
+            let off = ((i as f64 + 0.5) / side as f64 - centre) / LABEL_SPREAD;
+            libm::exp(-0.5 * off * off)
+        };
+        (0..side).map(weight).collect::<Vec<f64>>()
+    };
+    let (along, across) = (fall(at.x), fall(at.y));
+    for (row, x) in heatmap.values.chunks_exact_mut(side).zip(along) {
+        for (value, y) in row.iter_mut().zip(&across) {
+            *value = value.max((x * y) as f32);
         }
     }
 }

@@ -84,7 +84,7 @@ pub fn predict_with(
 }
 
 /// The sampler that the options ask for. `auto` never fails: what keeps the networks from
-/// guiding is told once, and the search is biased instead.
+/// guiding is told once, and the search goes by the same rules without predictions.
 pub(super) fn choose(
     scenario: &Scenario,
     task: &Arc<Task>,
@@ -98,12 +98,13 @@ pub(super) fn choose(
     match options.sampler {
         SamplerChoice::Uniform => return Ok(plain(Sampler::Uniform)),
         SamplerChoice::Biased | SamplerChoice::Exact => return Ok(plain(Sampler::Biased)),
+        SamplerChoice::Directed => return Ok(plain(Sampler::Directed)),
         SamplerChoice::Auto | SamplerChoice::Guided => {}
     }
     match guided(scenario, task, options) {
         Ok(chosen) => Ok(chosen),
         Err(e) if options.sampler == SamplerChoice::Auto && is_no_guidance(&e, options) => {
-            let mut chosen = plain(Sampler::Biased);
+            let mut chosen = plain(Sampler::Directed);
             chosen
                 .notices
                 .push(format!("planning without guidance: {e}"));

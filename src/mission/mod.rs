@@ -48,13 +48,15 @@ pub use transfer::{Change, build_library, replan_task, transfer_task};
 /// Which strategy plans a mission.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SamplerChoice {
-    /// Guided if the networks load and fit the mission, else biased.
+    /// Guided if the networks load and fit the mission, else directed.
     #[default]
     Auto,
     /// Uniform sampling.
     Uniform,
     /// Biased sampling.
     Biased,
+    /// The rules of guided sampling without networks.
+    Directed,
     /// Sampling guided by the networks.
     Guided,
     /// No sampling: the exact planner.

@@ -3,6 +3,8 @@
 mod biased;
 mod choices;
 mod guided;
+mod heat;
+pub(crate) mod leads;
 
 use std::sync::Arc;
 
@@ -15,7 +17,7 @@ use crate::guidance::Guidance;
 use crate::random::Random;
 use crate::system::TransitionSystem;
 
-pub use guided::{GuidanceError, HeatmapSums};
+pub use heat::{GuidanceError, HeatmapSums};
 
 /// Which strategy proposes points.
 #[derive(Clone, Debug)]
@@ -24,6 +26,8 @@ pub enum Sampler {
     Uniform,
     /// Towards what the automaton needs next (S-1 to S-6).
     Biased,
+    /// By the rules of guided sampling alone, without predictions (ours).
+    Directed,
     /// As the networks predict (C-1, C-2).
     Guided(Arc<Guide>),
 }
@@ -63,6 +67,7 @@ impl Sampler {
         match self {
             Self::Uniform => "uniform",
             Self::Biased => "biased",
+            Self::Directed => "directed",
             Self::Guided(_) => "guided",
         }
     }
@@ -72,7 +77,8 @@ impl Sampler {
         match self {
             Self::Uniform => Some(uniform(view, random)),
             Self::Biased => biased::draw(view, random),
-            Self::Guided(guide) => guided::draw(guide, view, random),
+            Self::Directed => guided::draw(None, view, random),
+            Self::Guided(guide) => guided::draw(Some(guide), view, random),
         }
     }
 }
@@ -140,3 +146,6 @@ fn uniform(view: &View<'_>, random: &mut Random) -> Draw {
         closest: None,
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -60,6 +60,16 @@ pub struct Settings {
     /// Probability that a choice follows the predictions: each choice of states (C-1), and the
     /// point (C-2); otherwise it is made as in the biased strategy.
     pub alpha: f64,
+    /// Probability that a guided sample extends the node with the least way left to the target instead of one
+    /// drawn uniformly (ours; 0 is the paper's rule).
+    pub lead: f64,
+    /// Probability that a guided point is drawn from the target's region once a straight leg leads there,
+    /// and not from the rectangle of C-2 (ours; 0 is the paper's rule).
+    pub p_region: f64,
+    /// Where a wall hides the target, guided points come from a square around the corner at which the shortest way
+    /// bends; its half side, relative to the map's side. In sight, C-2's rectangle is grown by as much (ours; 0 is the
+    /// paper's rule).
+    pub corner: f64,
 }
 
 impl Default for Settings {
@@ -82,6 +92,9 @@ impl Default for Settings {
             distance_deviation: 1.0 / 3.0,
             angle_deviation: std::f64::consts::PI / 108.0,
             alpha: 0.8,
+            lead: 0.9,
+            p_region: 0.9,
+            corner: 0.04,
         }
     }
 }
@@ -99,6 +112,17 @@ pub struct SettingsError {
 }
 
 impl Settings {
+    /// These settings with C-1 and C-2 exactly as in `nngtl.md`, IV-A.
+    #[must_use]
+    pub fn paper_rule(self) -> Self {
+        Self {
+            lead: 0.0,
+            p_region: 0.0,
+            corner: 0.0,
+            ..self
+        }
+    }
+
     /// Checks every value.
     ///
     /// # Errors
@@ -166,6 +190,19 @@ impl Settings {
             self.alpha,
             below_one(self.alpha),
             "a share in [0, 1): without the original strategy's share the search is not complete",
+        )?;
+        check("lead", self.lead, unit(self.lead), "a share in [0, 1]")?;
+        check(
+            "p_region",
+            self.p_region,
+            unit(self.p_region),
+            "a share in [0, 1]",
+        )?;
+        check(
+            "corner",
+            self.corner,
+            unit(self.corner),
+            "a share of the map's side, 0 to 1",
         )?;
         let limit = self.time_limit.unwrap_or(1.0);
         check(

@@ -103,8 +103,9 @@ fn run(problem: &Problem, sampler: &Sampler, settings: &Settings) -> Result<Solu
     plan(problem, sampler, settings, &Stop::new(), &mut |_| {})
 }
 
-fn samplers(problem: &Problem) -> [Sampler; 3] {
-    [Sampler::Uniform, Sampler::Biased, flat(&problem.task)]
+fn samplers(problem: &Problem) -> [Sampler; 4] {
+    let flat = flat(&problem.task);
+    [Sampler::Uniform, Sampler::Biased, Sampler::Directed, flat]
 }
 
 #[test]

@@ -8,10 +8,12 @@ mod near;
 mod steps;
 mod ways;
 
+use std::cell::RefCell;
 use std::sync::Arc;
 
 use nalgebra::Point2;
 
+use super::sampler::leads::Leads;
 use super::split::{Began, Clock, Split};
 use crate::automaton::{Nba, StateId};
 use crate::plan::Waypoint;
@@ -99,6 +101,8 @@ pub struct Tree<'a> {
     /// No node of this cost or more is added.
     limit: f64,
     clock: Clock,
+    /// What samplers remember of the nodes; nothing here depends on it.
+    leads: RefCell<Leads>,
     // Buffers that are kept between calls, so that growing allocates nothing.
     hits: Vec<Hit>,
     neighbours: Vec<Neighbour>,
@@ -158,6 +162,7 @@ impl<'a> Tree<'a> {
             touched: Vec::new(),
             limit: f64::INFINITY,
             clock: Clock::default(),
+            leads: RefCell::default(),
             hits: Vec::new(),
             neighbours: Vec::new(),
             moves: Vec::new(),
@@ -282,6 +287,11 @@ impl<'a> Tree<'a> {
     /// Adds no nodes from now on that cost as much as `limit` or more.
     pub(crate) fn limit(&mut self, limit: f64) {
         self.limit = limit;
+    }
+
+    /// What samplers remember of the nodes.
+    pub(crate) fn leads(&self) -> &RefCell<Leads> {
+        &self.leads
     }
 
     /// Measures from now on what growing the tree spends its time on.

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::Point2;
 
-use super::{Landmark, Spot, TransitionSystem};
+use super::{Landmark, Leg, Spot, TransitionSystem};
 use crate::alphabet::{Alphabet, Letter, LetterSet};
 use crate::random::Random;
 use crate::workspace::visibility::{PathsTo, VisibilityGraph};
@@ -179,16 +179,18 @@ impl TransitionSystem for Continuous {
         &self.landmarks[letter.index()]
     }
 
-    fn first_leg(&self, from: Point2<f64>, to: Point2<f64>, keep: bool) -> Option<Point2<f64>> {
+    fn first_leg(&self, from: Point2<f64>, to: Point2<f64>, keep: bool) -> Option<Leg> {
+        let leg = |(length, to)| Leg { to, length };
         // Most legs are in sight: that needs no paths at all.
         if self.map().is_free_between(from, to) {
-            return Some(to);
+            return Some(leg(((to - from).norm(), to)));
         }
         if !keep {
-            return self.graph.first_leg(from, to);
+            return self.graph.first_leg(from, to).map(leg);
         }
-        let paths = self.paths_to(to, keep);
-        paths.first_leg(&self.graph, from).map(|(_, at)| at)
+        self.paths_to(to, keep)
+            .first_leg(&self.graph, from)
+            .map(leg)
     }
 
     fn part(&self, spot: &Spot) -> Option<u32> {

@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::{Point2, Vector2};
 
-use super::{Landmark, Spot, TransitionSystem};
+use super::{Landmark, Leg, Spot, TransitionSystem};
 use crate::alphabet::{Alphabet, Letter, LetterSet, Props};
 use crate::random::{Random, choose};
 use crate::workspace::{Bounds, Place, Workspace};
@@ -434,18 +434,24 @@ impl TransitionSystem for Grid {
         &self.landmarks[letter.index()]
     }
 
-    fn first_leg(&self, from: Point2<f64>, to: Point2<f64>, keep: bool) -> Option<Point2<f64>> {
+    fn first_leg(&self, from: Point2<f64>, to: Point2<f64>, keep: bool) -> Option<Leg> {
         let (k, target) = (self.nearest_cell(from), self.nearest_cell(to));
         if k == target {
-            return Some(to);
+            return Some(Leg { to, length: 0.0 });
         }
         let steps = self.field_to(target, keep);
-        let next = match self.descend(k, &steps) {
-            Some(next) => next,
+        let (next, left) = match self.descend(k, &steps) {
+            Some(next) => (next, steps[k]),
             // Regions bar the way: go through them.
-            None => self.descend(k, &self.field(target, true))?,
+            None => {
+                let through = self.field(target, true);
+                (self.descend(k, &through)?, through[k])
+            }
         };
-        self.spots[next].map(|s| s.at)
+        self.spots[next].map(|s| Leg {
+            to: s.at,
+            length: f64::from(left) * self.cell,
+        })
     }
 
     fn neighbours(&self, from: &Spot, into: &mut Vec<Spot>) -> bool {

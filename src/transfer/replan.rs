@@ -13,7 +13,7 @@ use crate::automaton::{Distances, Nba, StateId, Task, Transition};
 use crate::plan::{Cost, Path, Waypoint};
 use crate::planner::{Aim, NodeId, Problem, Sampler, Settings, Tree, View};
 use crate::random::{Random, generator};
-use crate::system::{Spot, TransitionSystem};
+use crate::system::{Leg, Spot, TransitionSystem};
 
 /// Samples for one attempt at a segment; most need none beyond the turns of the shortest way.
 const SAMPLES: usize = 300;
@@ -195,7 +195,7 @@ impl Repairer<'_> {
         }
         let mut at = start.at;
         for _ in 0..TURNS {
-            let Some(next) = system.first_leg(at, end.at, true) else {
+            let Some(Leg { to: next, .. }) = system.first_leg(at, end.at, true) else {
                 break;
             };
             if next == at || next == end.at {

@@ -392,7 +392,8 @@ fn shortest_paths_agree_with_brute_force() {
                         (length - expected).abs() < 1e-7,
                         "seed {seed}: {a} to {b}: {length} {expected}"
                     );
-                    let leg = graph.first_leg(a, b).unwrap();
+                    let (same, leg) = graph.first_leg(a, b).unwrap();
+                    assert!((same - length).abs() < 1e-7, "seed {seed}: {same} {length}");
                     let rest = |via: Point2<f64>| {
                         (via - a).norm() + paths.first_leg(&graph, via).map_or(0.0, |l| l.0)
                     };

@@ -171,13 +171,13 @@ impl VisibilityGraph {
         paths
     }
 
-    /// The first point at which the shortest path between two free points bends (`to` itself if
-    /// that is in sight); `None` if there is no path. For one query this is faster than
+    /// The length of the shortest path between two free points and the first point at which it bends (`to`
+    /// itself if that is in sight); `None` if there is no path. For one query this is faster than
     /// [`Self::paths_to`] (A\*: Hart, Nilsson, Raphael 1968).
     #[must_use]
-    pub fn first_leg(&self, from: Point2<f64>, to: Point2<f64>) -> Option<Point2<f64>> {
+    pub fn first_leg(&self, from: Point2<f64>, to: Point2<f64>) -> Option<(f64, Point2<f64>)> {
         if self.map.is_free_between(from, to) {
-            return Some(to);
+            return Some(((to - from).norm(), to));
         }
         if self.component_at(from) != self.component_at(to) {
             return None;
@@ -195,7 +195,7 @@ impl VisibilityGraph {
         }
         while let Some(Reverse((Entry(bound, i), complete))) = queue.pop() {
             if complete {
-                return Some(self.corners[i as usize].at);
+                return Some((bound, self.corners[i as usize].at));
             }
             let length = lengths[&i];
             if bound > length + ahead(i) {

@@ -46,6 +46,18 @@ def target_cells(missions, k, reach):
     return np.union1d(cells, missions.reach[missions.reach_at[k] : missions.reach_at[k + 1]])
 
 
+def blobs(points, free, spread):
+    """The target of places: 1 at each point of the frame, falling off as a Gaussian of standard deviation ``spread`` (sides of
+    the frame), 0 in obstacles."""
+    side = free.shape[0]
+    centre = (np.arange(side) + 0.5) / side
+    out = np.zeros((side, side), dtype=np.float32)
+    for x, y in points:
+        along, across = np.exp(-0.5 * ((centre - x) / spread) ** 2), np.exp(-0.5 * ((centre - y) / spread) ** 2)
+        np.maximum(out, np.outer(along, across), out=out)
+    return out * free
+
+
 def indices(count, size, seed, step):
     """The samples of a step: every epoch is a permutation of all of them."""
     first = step * size
@@ -58,8 +70,11 @@ def indices(count, size, seed, step):
     return out
 
 
-def make(missions, chosen, augment=NONE, rng=None, reach=False, heat=True):
-    """The batch of the missions with these indices; ``reach``: see ``target_cells``; without ``heat`` it stays 0."""
+def make(missions, chosen, augment=NONE, rng=None, reach=False, heat=True, spread=None):
+    """The batch of the missions with these indices; ``reach``: see ``target_cells``; without ``heat`` it stays 0.
+
+    With ``spread`` the target is not the path's cells but the places where the path bends or meets regions: see ``blobs``.
+    """
     side, labels = missions.resolution, missions.labels
     codes = np.zeros((len(chosen), side, side), dtype=missions.codes.dtype)
     targets = np.zeros((len(chosen), side, side), dtype=np.float32)
@@ -75,7 +90,10 @@ def make(missions, chosen, augment=NONE, rng=None, reach=False, heat=True):
         cell[raster.cell(start, side)] = True
         turn = rng.integers(8) if augment.symmetries else 0
         codes[b], begin[b] = turned(code, turn), turned(cell, turn)
-        if heat:
+        if heat and spread:
+            points = missions.points[missions.points_at[k] + 1 : missions.points_at[k + 1]]
+            targets[b] = turned(blobs(points, code & 1 == 0, spread), turn)
+        elif heat:
             targets[b] = turned(_lower(cells, side), turn)
         region[b] = missions.order[k]
         if augment.permute and rng.random() < augment.permute:

@@ -73,6 +73,7 @@ COMPACT_TRAINING = {
     "balance": 0.5,
     "suffix": True,
     "reach": True,
+    "spread": None,
     "symmetries": True,
     "permute": 0.5,
     "jitter": 0.3,

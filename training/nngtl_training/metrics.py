@@ -50,13 +50,13 @@ def heatmap(logits):
 
 
 @torch.no_grad()
-def evaluate(model, missions, limit=None, size=32, device="cpu"):
+def evaluate(model, missions, limit=None, size=32, device="cpu", spread=None):
     """Held-out metrics of a network, whole and by family and pattern.
 
     PathNet: ``loss``, ``ap`` (average precision of path cells at 200×200); for the heatmap to the k-th power
     ``mass<k>``, the share that lies on the path, and ``draws<k>``, the mean number of draws from the rectangle of rule C-2 until one lies in the region
     that a straight leg of the expert's path leads to; ``draws0`` is the flat heatmap's. StateNet: ``loss``, ``accuracy`` and ``ap`` over states, ``exact``, the share of missions with all states
-    right. ``base`` is what a constant would reach (share of positives).
+    right. ``spread``: the target that ``loss`` is taken against, see ``batches.make``. ``base`` is what a constant would reach (share of positives).
     """
     model.eval()
     paths = model.config["kind"] == "pathnet"
@@ -67,7 +67,7 @@ def evaluate(model, missions, limit=None, size=32, device="cpu"):
     groups = {}
     for first in range(0, number, size):
         part = chosen[first : first + size]
-        batch = batches.make(missions, part).to(device)
+        batch = batches.make(missions, part, spread=spread).to(device)
         logits = model(batch.raster, batch.graphs).float()
         if paths:
             rows += _path_rows(logits, batch, missions, part)

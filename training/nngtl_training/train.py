@@ -7,6 +7,7 @@ clock, and the two agree only up to that.
 
 import argparse
 import csv
+import hashlib
 import json
 import math
 import os
@@ -95,7 +96,8 @@ class Run:
         chosen = batches.indices(len(self.missions), self.options["batch"], self.seed, self.step)
         chosen = chosen[self.team.rank :: self.team.size]
         paths = self.config["network"]["kind"] == "pathnet"
-        batch = batches.make(self.missions, chosen, self.augment, rng, self.options["reach"], paths).to(self.device)
+        reach, spread = self.options["reach"], self.options.get("spread")
+        batch = batches.make(self.missions, chosen, self.augment, rng, reach, paths, spread).to(self.device)
         for group in self.optimizer.param_groups:
             group["lr"] = self.rate(progress)
         self.model.train()
@@ -194,6 +196,7 @@ def train(run, out, held_out=None, minutes=None, steps=None, save_minutes=5.0, c
     lead = run.team.rank == 0
     log = Log(out, tensorboard) if lead else None
     began, before = time.monotonic(), run.elapsed
+    spread = run.options.get("spread")
     last = {"save": run.elapsed, "check": run.elapsed, "log": run.step}
     losses = []
 
@@ -217,13 +220,13 @@ def train(run, out, held_out=None, minutes=None, steps=None, save_minutes=5.0, c
             run.save(out / CHECKPOINT)
             last["save"] = run.elapsed
         if lead and held_out is not None and run.elapsed - last["check"] > 60 * check_minutes:
-            found = metrics.evaluate(run.model, held_out, check_limit, device=run.device)["all"]
+            found = metrics.evaluate(run.model, held_out, check_limit, device=run.device, spread=spread)["all"]
             log.add(run.step, {f"held-out {k}": v for k, v in found.items()})
             run.elapsed = before + time.monotonic() - began
             last["check"] = run.elapsed
     if lead:
         if held_out is not None:
-            run.record["held_out"] = metrics.evaluate(run.model, held_out, device=run.device)
+            run.record["held_out"] = metrics.evaluate(run.model, held_out, device=run.device, spread=spread)
             run.record["held_out_data"] = held_out.fingerprint
             log.add(run.step, {f"held-out {k}": v for k, v in run.record["held_out"]["all"].items()})
         run.save(out / CHECKPOINT)
@@ -257,6 +260,10 @@ def start(options):
 
 def _begin(run, options):
     """What a fresh run takes from elsewhere."""
+    if options.begin:
+        giver, _ = export.read(options.begin)
+        run.model.load_state_dict(giver.state_dict())
+        run.record["began"] = hashlib.sha256(options.begin.read_bytes()).hexdigest()
     if options.trunk:
         weights = torch.load(options.trunk, map_location="cpu", weights_only=True)
         weights = {k: v for k, v in weights.items() if not k.startswith("fc.")}
@@ -286,6 +293,7 @@ def main(arguments=None):
     parser.add_argument("--device", default="auto")
     parser.add_argument("--trunk", type=Path, help="state dictionary of an ImageNet ResNet-50 (StateNet, paper)")
     parser.add_argument("--statenet", type=Path, help="weight file whose graph layers start a PathNet (IV-D)")
+    parser.add_argument("--begin", type=Path, help="weight file of the same network to go on from, with another target or other data")
     parser.add_argument("--save-minutes", type=float, default=5.0)
     parser.add_argument("--check-minutes", type=float, default=5.0)
     parser.add_argument("--tensorboard", action="store_true")

@@ -29,7 +29,7 @@ pub(super) fn towards(
     random: &mut Random,
 ) -> Option<Draw> {
     let from = view.tree.spot(closest).at;
-    let leg = view.system.first_leg(from, target.at, target.fixed)?;
+    let leg = view.system.first_leg(from, target.at, target.fixed)?.to;
     let heading = leg - from;
     if let Some(letter) = target.letter
         && leg == target.at

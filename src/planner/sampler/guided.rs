@@ -1,235 +1,154 @@
-//! Guided sampling: C-1 and C-2 of `nngtl.md`, IV-A.
+//! Guided sampling: C-1 and C-2 of `nngtl.md`, IV-A, and what we add to it.
+//!
+//! With [`Settings::paper_rule`](crate::planner::Settings::paper_rule) it is the paper's strategy. By itself it is not much better
+//! than biased sampling, whatever the networks predict: a node drawn uniformly mostly has its target out
+//! of sight, a rectangle to a target behind a wall holds no way around, and few points of a
+//! rectangle lie in a small region. So each choice gets a share of its own: the node with the least way left
+//! ([`leads`](super::leads)), the corner where its shortest way bends, the region itself once a leg leads there.
+//! `docs/guidance.md` has the measurements.
 
 use nalgebra::Point2;
 
-use super::choices::{Preference, below, destination, in_box, settle};
+use super::choices::{Destination, Preference, Target, destination, in_box, settle};
+use super::heat::Frame;
 use super::{Draw, Guide, View, uniform};
-use crate::guidance::Heatmap;
-use crate::random::{Random, chance};
-use crate::workspace::Bounds;
+use crate::alphabet::Letter;
+use crate::random::{Random, chance, weighted};
 
-/// Why predictions cannot guide a search.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum GuidanceError {
-    /// Not one probability per automaton state.
-    #[error("the state prediction has {found} entries, the automaton {expected} states")]
-    States {
-        /// States of the automaton.
-        expected: usize,
-        /// Entries of the prediction.
-        found: usize,
-    },
-    /// The heatmap is not a square of finite values in [0, 1].
-    #[error("the heatmap is not a square of finite values: {0}")]
-    Heatmap(String),
-}
+/// Points of a region that are drawn for the heatmap to choose from.
+const CANDIDATES: usize = 4;
 
-/// Draws a point as the networks predict.
-pub(super) fn draw(guide: &Guide, view: &View<'_>, random: &mut Random) -> Option<Draw> {
+/// The region's share where the leg there would change the letter twice: other nodes may do better.
+const BARRED_SHARE: f64 = 0.1;
+
+/// Cells of the frame when there is no heatmap.
+const SIDE: usize = 200;
+
+/// Draws a point as the networks predict; without predictions, as the rules alone have it.
+pub(super) fn draw(guide: Option<&Guide>, view: &View<'_>, random: &mut Random) -> Option<Draw> {
+    let settings = view.settings;
     let preference = Preference {
-        predicted: Some((&guide.states, view.settings.alpha)),
+        predicted: guide.map(|g| (g.states.as_slice(), settings.alpha)),
     };
-    let chosen = destination(view, preference, random)?;
-    let Some(target) = chosen.target else {
+    let Destination {
+        mut closest,
+        target,
+    } = destination(view, preference, random)?;
+    let Some(target) = target else {
         return Some(uniform(view, random));
     };
-    let closest = Some(chosen.closest);
-    if !chance(random, view.settings.y_rand) {
+    if target.fixed && chance(random, settings.lead) {
+        closest = super::leads::choose(view, closest, target);
+    }
+    if !chance(random, settings.y_rand) {
         return Some(Draw {
-            closest,
+            closest: Some(closest),
             ..uniform(view, random)
         });
     }
     // The original strategy keeps its share here too: a rectangle can miss every way around a wall.
-    if !chance(random, view.settings.alpha) {
-        return super::biased::towards(view, chosen.closest, target, random);
+    if !chance(random, settings.alpha) {
+        return super::biased::towards(view, closest, target, random);
     }
-    // C-2: the rectangle between the two points, weighted by the heatmap.
-    let from = view.tree.spot(chosen.closest).at;
-    let frame = Frame::new(view.system.bounds(), guide.sums.side);
-    let (low, high) = frame.rectangle(from, target.at);
-    let at = settle(view, random, |random| {
-        let (i, j) = guide.sums.draw(random, low, high);
-        in_box(random, frame.corner(i, j), frame.corner(i + 1, j + 1))
-    })?;
-    Some(Draw { at, closest })
+    let from = view.tree.spot(closest).at;
+    let at = match aim(view, from, closest, target, random)? {
+        Area::Region(letter) => in_region(guide, view, letter, random),
+        Area::Between(a, b, margin) => in_rectangle(guide, view, a, b, margin, random)?,
+    };
+    Some(Draw {
+        at,
+        closest: Some(closest),
+    })
 }
 
-/// The square frame of the heatmap over the map: its lower-left corner is the map's.
-struct Frame {
-    origin: Point2<f64>,
-    cell: f64,
-    side: usize,
+/// Where a point is drawn from.
+enum Area {
+    /// The space with this letter.
+    Region(Letter),
+    /// The rectangle between two points, grown by so much on each side.
+    Between(Point2<f64>, Point2<f64>, f64),
 }
 
-impl Frame {
-    fn new(bounds: Bounds, side: usize) -> Self {
-        Self {
-            origin: bounds.min,
-            cell: bounds.side() / side as f64,
-            side,
-        }
+/// What the way from a node to its target asks for.
+fn aim(
+    view: &View<'_>,
+    from: Point2<f64>,
+    closest: super::NodeId,
+    target: Target,
+    random: &mut Random,
+) -> Option<Area> {
+    let settings = view.settings;
+    if settings.p_region == 0.0 && settings.corner == 0.0 {
+        return Some(Area::Between(from, target.at, 0.0)); // C-2
     }
-
-    fn index(&self, along: f64) -> usize {
-        // A float-to-integer cast saturates, so points outside land in the border cells.
-        ((along / self.cell) as usize).min(self.side - 1)
-    }
-
-    /// The cells of the rectangle between two points: lowest, and highest (included).
-    fn rectangle(&self, a: Point2<f64>, b: Point2<f64>) -> ([usize; 2], [usize; 2]) {
-        let (min, max) = (a.inf(&b) - self.origin, a.sup(&b) - self.origin);
-        (
-            [self.index(min.x), self.index(min.y)],
-            [self.index(max.x), self.index(max.y)],
-        )
-    }
-
-    fn corner(&self, i: usize, j: usize) -> Point2<f64> {
-        Point2::new(
-            self.origin.x + i as f64 * self.cell,
-            self.origin.y + j as f64 * self.cell,
-        )
-    }
-}
-
-/// Summed-area table of a heatmap: draws a cell of any rectangle in proportion to its weight, in
-/// logarithmic time.
-#[derive(Clone, Debug)]
-pub struct HeatmapSums {
-    side: usize,
-    /// `(side + 1)²` sums; entry `(i, j)` is the weight of all cells below `i` and `j`.
-    sums: Vec<u64>,
-}
-
-impl HeatmapSums {
-    /// Sums a heatmap, quantised to 16 bits.
-    ///
-    /// # Errors
-    /// A heatmap that is not square, or with values that are not finite.
-    pub fn new(heatmap: &Heatmap) -> Result<Self, GuidanceError> {
-        let side = heatmap.side;
-        if side == 0 || heatmap.values.len() != side * side {
-            let found = heatmap.values.len();
-            let text = format!("{found} values for {side} × {side} cells");
-            return Err(GuidanceError::Heatmap(text));
-        }
-        if let Some(bad) = heatmap.values.iter().position(|v| !v.is_finite()) {
-            let (i, j, v) = (bad / side, bad % side, heatmap.values[bad]);
-            return Err(GuidanceError::Heatmap(format!("cell ({i}, {j}) is {v}")));
-        }
-        let row = side + 1;
-        let mut sums = vec![0; row * row];
-        for i in 0..side {
-            for j in 0..side {
-                let v = heatmap.values[i * side + j].clamp(0.0, 1.0);
-                let weight = (v * 65_535.0).round() as u64;
-                sums[(i + 1) * row + j + 1] =
-                    weight + sums[i * row + j + 1] + sums[(i + 1) * row + j] - sums[i * row + j];
-            }
-        }
-        Ok(Self { side, sums })
-    }
-
-    /// The weight of the cells from `low` to `high`, both included.
-    #[must_use]
-    pub fn weight(&self, low: [usize; 2], high: [usize; 2]) -> u64 {
-        let at = |i: usize, j: usize| self.sums[i * (self.side + 1) + j];
-        at(high[0] + 1, high[1] + 1) + at(low[0], low[1])
-            - at(low[0], high[1] + 1)
-            - at(high[0] + 1, low[1])
-    }
-
-    /// A cell between `low` and `high` (included), in proportion to its weight; uniform if all
-    /// weights are 0.
-    pub(super) fn draw(
-        &self,
-        random: &mut Random,
-        low: [usize; 2],
-        high: [usize; 2],
-    ) -> (usize, usize) {
-        let total = self.weight(low, high);
-        if total == 0 {
-            let pick = |random: &mut Random, k: usize| {
-                low[k] + below(random, (high[k] - low[k] + 1) as u64) as usize
-            };
-            return (pick(random, 0), pick(random, 1));
-        }
-        let mut left = below(random, total);
-        let column = |i: usize| self.weight(low, [i, high[1]]);
-        let i = first_beyond(low[0], high[0], left, column);
-        left -= if i > low[0] { column(i - 1) } else { 0 };
-        let cell = |j: usize| self.weight([i, low[1]], [i, j]);
-        (i, first_beyond(low[1], high[1], left, cell))
-    }
-}
-
-/// The first index in `low..=high` whose running sum exceeds `goal`.
-fn first_beyond(low: usize, high: usize, goal: u64, sum: impl Fn(usize) -> u64) -> usize {
-    let (mut low, mut high) = (low, high);
-    while low < high {
-        let middle = low.midpoint(high);
-        if sum(middle) > goal {
-            high = middle;
+    let next = view.system.first_leg(from, target.at, target.fixed)?.to;
+    let margin = settings.corner * view.system.bounds().side();
+    if next != target.at {
+        return Some(if settings.corner > 0.0 {
+            Area::Between(next, next, margin)
         } else {
-            low = middle + 1;
+            Area::Between(from, target.at, 0.0)
+        });
+    }
+    if let Some(letter) = target.letter {
+        let there = view.system.settle(target.at);
+        let open = there.is_some_and(|t| view.system.step(&view.tree.spot(closest), &t));
+        let share = if open { 1.0 } else { BARRED_SHARE };
+        if chance(random, share * settings.p_region) {
+            return Some(Area::Region(letter));
         }
     }
-    low
+    Some(Area::Between(from, target.at, margin))
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::random::generator;
+/// A point of the space with a letter, where the heatmap prefers it.
+fn in_region(
+    guide: Option<&Guide>,
+    view: &View<'_>,
+    letter: Letter,
+    random: &mut Random,
+) -> Point2<f64> {
+    let draw = |random: &mut Random| view.system.sample_letter(letter, random);
+    let Some(guide) = guide else {
+        return draw(random);
+    };
+    let frame = Frame::new(view.system.bounds(), guide.sums.side());
+    let candidates: [Point2<f64>; CANDIDATES] = std::array::from_fn(|_| draw(random));
+    let weights = candidates.map(|at| {
+        let (cell, _) = frame.rectangle(at, at);
+        // One more than the prediction's least step: a region may lie in the dark.
+        guide.sums.weight(cell, cell) as f64 + 1.0
+    });
+    let chosen = weighted(random, weights.into_iter()).unwrap_or(0);
+    candidates[chosen]
+}
 
-    #[test]
-    fn cells_are_drawn_in_proportion_to_their_weight() {
-        let values: Vec<f32> = (0..16)
-            .map(|k| if k % 5 == 0 { 0.2 } else { 0.0 })
-            .collect();
-        let mut values = values;
-        values[6] = 0.6; // cell (1, 2)
-        let sums = HeatmapSums::new(&Heatmap { side: 4, values }).unwrap();
-        let mut random = generator(5, 0);
-        let mut counts = [[0_u32; 4]; 4];
-        for _ in 0..8_000 {
-            let (i, j) = sums.draw(&mut random, [0, 0], [2, 3]);
-            counts[i][j] += 1;
+/// C-2: a cell of a rectangle in proportion to its weight, then a point of the cell.
+fn in_rectangle(
+    guide: Option<&Guide>,
+    view: &View<'_>,
+    a: Point2<f64>,
+    b: Point2<f64>,
+    margin: f64,
+    random: &mut Random,
+) -> Option<Point2<f64>> {
+    let bounds = view.system.bounds();
+    let grown = nalgebra::Vector2::repeat(margin);
+    let (low, high) = (
+        bounds.clip(a.inf(&b) - grown),
+        bounds.clip(a.sup(&b) + grown),
+    );
+    let frame = Frame::new(bounds, guide.map_or(SIDE, |g| g.sums.side()));
+    let (first, last) = frame.rectangle(low, high);
+    settle(view, random, |random| match guide {
+        Some(guide) => {
+            let (i, j) = guide.sums.draw(random, first, last);
+            in_box(random, frame.corner(i, j), frame.corner(i + 1, j + 1))
         }
-        // (0,0), (1,1), (2,2) weigh 0.2 each, (1,2) 0.6, all else nothing.
-        assert_eq!(counts.iter().flatten().sum::<u32>(), 8_000);
-        let share = |i: usize, j: usize| f64::from(counts[i][j]) / 8_000.0;
-        assert!((share(1, 2) - 0.5).abs() < 0.03, "{counts:?}");
-        assert!((share(2, 2) - 1.0 / 6.0).abs() < 0.03, "{counts:?}");
-        assert_eq!(counts[3], [0; 4]);
-    }
-
-    #[test]
-    fn empty_rectangles_are_uniform() {
-        let values = vec![0.0; 9];
-        let sums = HeatmapSums::new(&Heatmap { side: 3, values }).unwrap();
-        let mut random = generator(6, 0);
-        let mut seen = [[false; 3]; 3];
-        for _ in 0..500 {
-            let (i, j) = sums.draw(&mut random, [1, 0], [2, 2]);
-            seen[i][j] = true;
-        }
-        assert_eq!(seen, [[false; 3], [true; 3], [true; 3]]);
-    }
-
-    #[test]
-    fn rectangles_are_at_least_one_cell() {
-        let frame = Frame::new(Bounds::unit(), 200);
-        let (low, high) = frame.rectangle(Point2::new(0.5001, 1.0), Point2::new(0.5002, 0.0));
-        assert_eq!((low, high), ([100, 0], [100, 199]));
-    }
-
-    #[test]
-    fn bad_heatmaps_are_refused() {
-        let bad = |values: Vec<f32>| HeatmapSums::new(&Heatmap { side: 2, values }).is_err();
-        assert!(bad(vec![0.0; 3]));
-        assert!(bad(vec![0.0, f32::NAN, 0.0, 0.0]));
-    }
+        None => in_box(
+            random,
+            frame.corner(first[0], first[1]),
+            frame.corner(last[0] + 1, last[1] + 1),
+        ),
+    })
 }

@@ -106,14 +106,18 @@ fn paths_lead_around_regions_and_walls() {
         if at == goal {
             break;
         }
-        let next = g.first_leg(at, goal, true).unwrap();
+        let Leg {
+            to: next,
+            length: left,
+        } = g.first_leg(at, goal, true).unwrap();
+        // Up eight, right seven, down eight.
+        assert!((left + length - 2.3).abs() < 1e-9, "{left} {length}");
         let (from, to) = (g.settle(at).unwrap(), g.settle(next).unwrap());
         assert!(g.step(&from, &to), "{from:?} {to:?}");
         length += g.distance(at, next);
         at = next;
     }
     assert_eq!(at, goal);
-    // Up eight, right seven, down eight.
     assert!((length - 2.3).abs() < 1e-9, "{length}");
 }
 

@@ -1,0 +1,101 @@
+//! Which node of an automaton state to go on from towards a target: the one with the least way left, until it has
+//! disappointed so often that another one's turn comes.
+//!
+//! Nodes are looked at once for each target that is asked for, a bounded number at a time, so that a sample costs no more
+//! in a large tree than in a small one.
+
+use std::cmp::Ordering;
+use std::collections::{BinaryHeap, HashMap};
+
+use nalgebra::Point2;
+
+use super::View;
+use super::choices::Target;
+use crate::automaton::StateId;
+use crate::planner::tree::NodeId;
+
+/// Nodes that are looked at for one sample, at most.
+const AT_ONCE: usize = 64;
+
+/// What a node counts as further away, relative to the map's side, when no single leg leads from it to the
+/// target: other letters are in between, which cost a site or more.
+const DETOUR: f64 = 0.3;
+
+/// What a node counts as further away, relative to the map's side, each time that it was chosen. Where the shortest way
+/// leads through what the automaton forbids, others get their turn.
+const WEARINESS: f64 = 0.03;
+
+/// The nodes that were looked at, by automaton state and target.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Leads(HashMap<(StateId, [u64; 2]), Queue>);
+
+#[derive(Clone, Debug, Default)]
+struct Queue {
+    /// How many of the state's nodes have been looked at.
+    seen: usize,
+    /// Those from which a path leads to the target, the next to be chosen on top.
+    nodes: BinaryHeap<Lead>,
+}
+
+/// A node with the way left from it, grown by what it counts as further away.
+#[derive(Clone, Copy, Debug)]
+struct Lead {
+    left: f64,
+    node: NodeId,
+}
+
+impl Ord for Lead {
+    fn cmp(&self, other: &Self) -> Ordering {
+        // Reversed: a heap has its greatest element on top.
+        other
+            .left
+            .total_cmp(&self.left)
+            .then(other.node.cmp(&self.node))
+    }
+}
+
+impl PartialOrd for Lead {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Lead {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Lead {}
+
+/// The node to go on from to a fixed target, among those in the state of `drawn`; `drawn` itself if no path leads there
+/// from any that was looked at.
+pub(super) fn choose(view: &View<'_>, drawn: NodeId, target: Target) -> NodeId {
+    let state = view.tree.state(drawn);
+    let side = view.system.bounds().side();
+    let mut leads = view.tree.leads().borrow_mut();
+    let key = (state, [target.at.x.to_bits(), target.at.y.to_bits()]);
+    let queue = leads.0.entry(key).or_default();
+    let nodes = view.tree.in_state(state);
+    for &node in nodes.iter().skip(queue.seen).take(AT_ONCE) {
+        queue.seen += 1;
+        if let Some(left) = left(view, node, target.at) {
+            queue.nodes.push(Lead { left, node });
+        }
+    }
+    let Some(mut lead) = queue.nodes.peek_mut() else {
+        return drawn;
+    };
+    lead.left += WEARINESS * side;
+    lead.node
+}
+
+/// The way left from a node to a place, with a surcharge if it takes more than one leg.
+fn left(view: &View<'_>, node: NodeId, to: Point2<f64>) -> Option<f64> {
+    let spot = view.tree.spot(node);
+    let leg = view.system.first_leg(spot.at, to, true)?;
+    let there = view.system.settle(to)?;
+    let open = leg.to == to && view.system.step(&spot, &there);
+    let surcharge = if open { 0.0 } else { DETOUR };
+    Some(leg.length + surcharge * view.system.bounds().side())
+}

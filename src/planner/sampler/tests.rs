@@ -1,0 +1,153 @@
+//! Where directed and guided points lie.
+
+use super::*;
+use crate::automaton::{Nba, Transition};
+use crate::random::generator;
+use crate::system::Continuous;
+use crate::workspace::{Bounds, Polygon, Region, Workspace};
+
+const DRAWS: usize = 2_000;
+
+fn p(x: f64, y: f64) -> Point2<f64> {
+    Point2::new(x, y)
+}
+
+fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Polygon {
+    Polygon::rectangle(p(x0, y0), p(x1, y1)).unwrap()
+}
+
+/// "Visit a", with the start in the lower left and the region in the lower right.
+fn world(obstacles: Vec<Polygon>) -> (Continuous, Task) {
+    let regions = vec![Region {
+        name: "a".to_owned(),
+        polygon: rectangle(0.8, 0.1, 0.9, 0.2),
+    }];
+    let map = Workspace::new(Bounds::unit(), obstacles, regions).unwrap();
+    let alphabet = Arc::clone(map.alphabet());
+    let there = alphabet.letters_with(alphabet.proposition("a").unwrap());
+    let to = |target, guard| Transition {
+        target: StateId(target),
+        guard,
+    };
+    let nba = Nba {
+        initial: vec![StateId(0)],
+        accepting: vec![false, true],
+        transitions: vec![
+            vec![to(0, there.complement()), to(1, there)],
+            vec![to(1, alphabet.all())],
+        ],
+        alphabet,
+    };
+    let system = Continuous::new(Arc::new(map), p(0.1, 0.1)).unwrap();
+    (system, Task::from_trimmed(nba, None))
+}
+
+fn a_wall() -> Vec<Polygon> {
+    vec![rectangle(0.4, 0.0, 0.6, 0.7)]
+}
+
+/// Points that a sampler proposes, with the chosen nodes' places, for a tree with the start and further places in it.
+fn draws(
+    world: &(Continuous, Task),
+    settings: &Settings,
+    sampler: &Sampler,
+    further: &[Point2<f64>],
+) -> Vec<(Point2<f64>, Option<Point2<f64>>)> {
+    let (system, task) = world;
+    let mut tree = Tree::new(system, &task.nba, system.start(), &task.nba.initial);
+    for &at in further {
+        let near = settings.near(tree.site_count(), 1.0);
+        tree.extend(system.settle(at).unwrap(), near, &[]).unwrap();
+    }
+    let mut random = generator(11, 0);
+    let view = View {
+        system,
+        task,
+        settings,
+        tree: &tree,
+        aim: Aim::Prefix { reached: false },
+    };
+    (0..DRAWS)
+        .filter_map(|_| sampler.draw(&view, &mut random))
+        .map(|d| (d.at, d.closest.map(|n| tree.spot(n).at)))
+        .collect()
+}
+
+fn mostly_directed() -> Settings {
+    Settings {
+        y_rand: 0.99,
+        alpha: 0.99,
+        ..Settings::default()
+    }
+}
+
+fn share<T>(all: &[T], is: impl Fn(&T) -> bool) -> f64 {
+    all.iter().filter(|x| is(x)).count() as f64 / all.len() as f64
+}
+
+fn within(at: Point2<f64>, centre: Point2<f64>, half: f64) -> bool {
+    (at - centre).amax() <= half + 1e-12
+}
+
+#[test]
+fn a_target_in_sight_is_drawn_from_its_region() {
+    let world = world(Vec::new());
+    let found = draws(&world, &mostly_directed(), &Sampler::Directed, &[]);
+    let hits = share(&found, |d| within(d.0, p(0.85, 0.15), 0.05));
+    assert!(hits > 0.8, "{hits} of the points lie in the region");
+    let paper = mostly_directed().paper_rule();
+    let found = draws(&world, &paper, &Sampler::Directed, &[]);
+    let hits = share(&found, |d| within(d.0, p(0.85, 0.15), 0.05));
+    assert!(
+        hits < 0.4,
+        "C-2 draws from the rectangle: {hits} lie in the region"
+    );
+}
+
+#[test]
+fn a_hidden_target_is_drawn_around_the_corner() {
+    let world = world(a_wall());
+    let settings = mostly_directed();
+    // A cell of the heatmap that the square cuts counts whole.
+    let square = settings.corner + 1.0 / 200.0;
+    let corner = p(0.4, 0.7);
+    let guide = |states| Guide::new(&Guidance::flat(states), states).unwrap();
+    for sampler in [Sampler::Directed, Sampler::Guided(Arc::new(guide(2)))] {
+        let found = draws(&world, &settings, &sampler, &[]);
+        let near = share(&found, |d| within(d.0, corner, square));
+        assert!(
+            near > 0.9,
+            "{}: {near} lie around the corner",
+            sampler.name()
+        );
+    }
+    let found = draws(&world, &settings.paper_rule(), &Sampler::Directed, &[]);
+    let above = share(&found, |d| d.0.y > 0.2);
+    assert!(
+        above < 0.1,
+        "C-2's rectangle holds no way around: {above} lie above it"
+    );
+}
+
+#[test]
+fn the_node_with_the_least_way_left_leads_and_tires() {
+    let world = world(a_wall());
+    let ahead = p(0.5, 0.8);
+    let places = [p(0.2, 0.3), p(0.1, 0.9), ahead, p(0.3, 0.5)];
+    let found = draws(&world, &mostly_directed(), &Sampler::Directed, &places);
+    assert_eq!(found[0].1, Some(ahead));
+    let nodes: std::collections::BTreeSet<_> = found
+        .iter()
+        .filter_map(|d| d.1)
+        .map(|at| (at.x.to_bits(), at.y.to_bits()))
+        .collect();
+    assert_eq!(
+        nodes.len(),
+        5,
+        "none brought anything new, so each had its turn"
+    );
+    let paper = mostly_directed().paper_rule();
+    let found = draws(&world, &paper, &Sampler::Directed, &places);
+    let first = share(&found, |d| d.1 == Some(ahead));
+    assert!((first - 0.2).abs() < 0.05, "S-2 draws uniformly: {first}");
+}

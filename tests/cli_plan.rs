@@ -210,6 +210,21 @@ fn the_first_plan_is_enough_if_asked() {
 }
 
 #[test]
+fn short_searches_do_not_wait_for_the_networks() {
+    let sampler = |more: &[&str]| {
+        let object = plan(
+            "case-study.toml",
+            &[&["--json", "--sampler", "auto"], more].concat(),
+        )
+        .json();
+        object["plan"]["sampler"].as_str().unwrap().to_owned()
+    };
+    assert_eq!(sampler(&["--first"]), "directed");
+    assert_eq!(sampler(&[]), "guided");
+    assert_eq!(sampler(&["--first", "--sampler", "guided"]), "guided");
+}
+
+#[test]
 fn the_exact_planner_beats_sampling_here() {
     let exact = plan("case-study.toml", &["--sampler", "exact", "--json"]).json();
     let sampled = plan("case-study.toml", &["--json"]).json();

@@ -210,7 +210,7 @@ pub(super) struct SearchArgs {
 /// Where to look next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum SamplerName {
-    /// Guided if the networks fit the mission, else directed
+    /// Guided if the networks fit the mission and the search is long enough for them to pay, else directed
     #[default]
     Auto,
     /// Uniformly over the free space

@@ -9,7 +9,7 @@ use crate::automaton::Task;
 use crate::encoding::{AutomatonGraph, MapInput};
 use crate::guidance::Guidance;
 use crate::nn::{LoadError, PredictError, Predictor};
-use crate::planner::{Guide, Sampler};
+use crate::planner::{Guide, Sampler, Settings};
 use crate::scenario::Scenario;
 use crate::workspace::{Polygon, Workspace};
 
@@ -83,7 +83,7 @@ pub fn predict_with(
     })
 }
 
-/// The sampler that the options ask for. `auto` never fails: what keeps the networks from
+/// The sampler that the options ask for. `auto` leaves the networks out of short searches and never fails: what keeps the networks from
 /// guiding is told once, and the search goes by the same rules without predictions.
 pub(super) fn choose(
     scenario: &Scenario,
@@ -99,6 +99,7 @@ pub(super) fn choose(
         SamplerChoice::Uniform => return Ok(plain(Sampler::Uniform)),
         SamplerChoice::Biased | SamplerChoice::Exact => return Ok(plain(Sampler::Biased)),
         SamplerChoice::Directed => return Ok(plain(Sampler::Directed)),
+        SamplerChoice::Auto if is_short(&options.settings) => return Ok(plain(Sampler::Directed)),
         SamplerChoice::Auto | SamplerChoice::Guided => {}
     }
     match guided(scenario, task, options) {
@@ -112,6 +113,15 @@ pub(super) fn choose(
         }
         Err(e) => Err(e),
     }
+}
+
+/// Seconds of search below which the networks are not worth the wait for them.
+const WORTH_IT: f64 = 0.1;
+
+/// Whether a search will be over before networks could have paid for themselves: they make plans cheaper, but first plans
+/// hardly sooner, and those take less time than one inference (`docs/guidance.md`).
+fn is_short(settings: &Settings) -> bool {
+    settings.first || settings.time_limit.is_some_and(|s| s < WORTH_IT)
 }
 
 /// Whether `auto` may go on without the networks. Weights that were named must load.

@@ -48,7 +48,8 @@ pub use transfer::{Change, build_library, replan_task, transfer_task};
 /// Which strategy plans a mission.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SamplerChoice {
-    /// Guided if the networks load and fit the mission, else directed.
+    /// Guided if the networks load and fit the mission and the search is long enough for them to pay (it goes on after
+    /// the first plan, and for a tenth of a second at least), else directed.
     #[default]
     Auto,
     /// Uniform sampling.

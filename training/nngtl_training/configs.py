@@ -73,7 +73,7 @@ COMPACT_TRAINING = {
     "balance": 0.5,
     "suffix": True,
     "reach": True,
-    "spread": None,
+    "spread": 0.015,
     "symmetries": True,
     "permute": 0.5,
     "jitter": 0.3,
@@ -90,6 +90,7 @@ PAPER_TRAINING = {
     "warm_up": 0,
     "balance": 0.0,
     "reach": False,
+    "spread": None,
     "permute": 0.0,
     "jitter": 0.0,
 }

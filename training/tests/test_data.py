@@ -195,6 +195,25 @@ def test_the_place_of_arrival_lies_in_the_region_near_the_path(data_set):
     assert set(both) == set(reach) | set(missions.cells[: missions.cells_at[1]])
 
 
+def test_places_are_marked_where_the_plan_bends_and_not_at_its_start(data_set):
+    folder, maps = data_set
+    missions = data.load(folder, CONFIG)
+    heat = batches.make(missions, np.array([0]), spread=0.015).heat[0].numpy()
+    mission = maps[0]["missions"][0]
+    blocked = missions.codes[missions.map[0]] & 1 == 1
+    assert (heat[blocked] == 0).all()
+    for at in mission["prefix"][1:] + mission["suffix"]:
+        cell = raster.cell(at, 100)
+        # A place lies within a cell's half diagonal of its centre.
+        assert blocked[cell] or heat[cell] >= np.exp(-0.5 * (0.0071 / 0.015) ** 2)
+    others = np.array(mission["prefix"][1:] + mission["suffix"])
+    centres = (np.stack(np.meshgrid(range(100), range(100), indexing="ij"), -1) + 0.5) / 100
+    away = np.linalg.norm(centres[:, :, None] - others, axis=-1).min(axis=-1)
+    assert np.allclose(heat, np.where(blocked, 0, np.exp(-0.5 * (away / 0.015) ** 2)), atol=1e-6)
+    turned = batches.make(missions, np.array([0]), batches.Augment(True, 0, 0), np.random.default_rng(1), spread=0.015).heat[0].numpy()
+    assert any(np.array_equal(turned, batches.turned(heat, turn)) for turn in range(8))
+
+
 def test_an_epoch_visits_every_mission_once_and_depends_on_the_seed():
     seen = np.concatenate([batches.indices(10, 4, 7, step) for step in range(5)])
     assert sorted(seen[:10]) == list(range(10)) and sorted(seen[10:]) == list(range(10))

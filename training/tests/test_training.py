@@ -1,5 +1,6 @@
 """The loop: learning, exact resume, export, hand-over."""
 
+import hashlib
 import json
 
 import numpy as np
@@ -81,6 +82,23 @@ def test_the_command_trains_continues_and_exports(data_set, tmp_path, capsys):
     export.main([str(out), str(tmp_path / "models" / "p.safetensors"), "--power", "4"])
     with safe_open(tmp_path / "models" / "p.safetensors", "pt") as file:
         assert json.loads(file.metadata()["config"])["power"] == 4
+
+
+def test_a_run_begins_from_a_weight_file(data_set, tmp_path):
+    folder = str(data_set[0])
+    base = ["pathnet", "--data", folder, "--device", "cpu"]
+    for change in [*SMALL["pathnet"], "training.batch=4", "training.weight_decay=0"]:
+        base += ["--set", change]
+    train.main([*base, "--out", str(tmp_path / "one"), "--steps", "2"])
+    file = tmp_path / "one" / "pathnet.safetensors"
+    # Another target, and a step that changes nothing but the norms' statistics.
+    change = ["--set", "training.spread=null", "--set", "training.rate=0"]
+    train.main([*base, *change, "--out", str(tmp_path / "two"), "--begin", str(file), "--steps", "1"])
+    given, _ = export.read(file)
+    found, record = export.read(tmp_path / "two" / "pathnet.safetensors")
+    for (name, a), (_, b) in zip(given.named_parameters(), found.named_parameters()):
+        assert torch.equal(a, b), name
+    assert record["began"] == hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 @pytest.mark.parametrize("name", ["compact", "paper"])

@@ -5,9 +5,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use nngtl::bench::flat;
 use nngtl::dataset::maps::{Family, draw_map, draw_start};
 use nngtl::dataset::missions::{draw_pattern, draw_tree};
+use nngtl::guidance::Guidance;
 use nngtl::mission::{self, MissionError};
 use nngtl::planner::{Guide, PlanError, Problem, Sampler, Settings, Stop, plan};
 use nngtl::random::generator;
@@ -63,7 +63,7 @@ fn outcome(scenario: &Scenario) -> &'static str {
         weight: scenario.weight,
     };
     let states = task.nba.len();
-    let guide = Guide::new(&flat(states), states).unwrap();
+    let guide = Guide::new(&Guidance::flat(states), states).unwrap();
     let mut solved = 0;
     let guided = Sampler::Guided(Arc::new(guide));
     for sampler in [Sampler::Biased, Sampler::Directed, guided] {

@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use crate::guidance::{Guidance, Heatmap};
+use crate::guidance::Guidance;
 use crate::planner::{
     GuidanceError, Guide, PlanError, Problem, Sampler, Settings, Stats, Stop, plan,
 };
@@ -179,23 +179,10 @@ fn sampler(case: &Case, strategy: Strategy) -> Result<Option<Sampler>, BenchErro
         Strategy::Uniform => Some(Sampler::Uniform),
         Strategy::Biased => Some(Sampler::Biased),
         Strategy::Directed => Some(Sampler::Directed),
-        Strategy::Flat => Some(guided(&flat(states))?),
+        Strategy::Flat => Some(guided(&Guidance::flat(states))?),
         Strategy::Guided => case.guidance.as_ref().map(guided).transpose()?,
         Strategy::Oracle => case.labels.as_ref().map(guided).transpose()?,
     })
-}
-
-/// Predictions that say nothing: every cell and every state alike.
-#[must_use]
-pub fn flat(states: usize) -> Guidance {
-    let side = 200;
-    Guidance {
-        heatmap: Heatmap {
-            side,
-            values: vec![1.0; side * side],
-        },
-        states: vec![1.0; states],
-    }
 }
 
 fn run(

@@ -82,7 +82,10 @@ impl Report {
             let complex = complex_missions(&trials);
             let is_complex = |t: &&Trial| complex.contains(&t.case.as_str());
             let (hard, easy): (Vec<&Trial>, Vec<&Trial>) = trials.iter().partition(is_complex);
-            classes.extend([("simple", easy), ("complex", hard)]);
+            // A class of all missions says nothing new.
+            if !hard.is_empty() && !easy.is_empty() {
+                classes.extend([("simple", easy), ("complex", hard)]);
+            }
         }
         let mut rows = Vec::new();
         let mut ratios = Vec::new();
@@ -115,6 +118,15 @@ impl Report {
             self.comparison.settings.iterations,
             self.comparison.settings.seed,
         );
+        if self.comparison.strategies.contains(&Strategy::Uniform)
+            && self.rows.iter().all(|r| r.class == "all")
+        {
+            let _ = write!(
+                text,
+                "Simple and complex are not told apart: uniform sampling needs at least {COMPLEX} iterations to the first prefix (in the \
+                 median) for either all missions or none.\n\n",
+            );
+        }
         text.push_str("| class | sampler | solved | iterations to first prefix | to first plan | nodes | prefix length | cost | search ms | with inference ms |\n");
         text.push_str("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n");
         for r in &self.rows {

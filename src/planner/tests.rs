@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::alphabet::Alphabet;
 use crate::automaton::{Nba, StateId, Transition};
-use crate::guidance::{Guidance, Heatmap};
+use crate::guidance::Guidance;
 use crate::system::{Continuous, Grid, TransitionSystem};
 use crate::workspace::{Bounds, Polygon, Region, Workspace};
 
@@ -89,13 +89,7 @@ fn patrol(alphabet: &Arc<Alphabet>) -> Nba {
 }
 
 fn flat(task: &Task) -> Sampler {
-    let guidance = Guidance {
-        heatmap: Heatmap {
-            side: 200,
-            values: vec![1.0; 200 * 200],
-        },
-        states: vec![1.0; task.nba.len()],
-    };
+    let guidance = Guidance::flat(task.nba.len());
     Sampler::Guided(Arc::new(Guide::new(&guidance, task.nba.len()).unwrap()))
 }
 

@@ -9,7 +9,8 @@ use serde::Serialize;
 use super::stats::mean;
 use super::{BenchError, Case, Strategy, sampler};
 use crate::exact;
-use crate::planner::{Improvement, PlanError, Settings, Stop, plan};
+use crate::planner::{Improvement, PlanError, Problem, Settings, Solution, Stop, plan};
+use crate::verify::verify;
 
 /// A moment of a search at which its best plan is looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -56,6 +57,10 @@ pub struct Reference {
     pub seconds: f64,
     /// Seconds that the lower bound took.
     pub bound_seconds: f64,
+    /// What every plan costs at least, as soon as that can be said.
+    pub quick: f64,
+    /// Seconds that took.
+    pub quick_seconds: f64,
 }
 
 /// The costs of one search.
@@ -67,6 +72,9 @@ pub struct Descent {
     pub strategy: Strategy,
     /// The best cost at each mark, if there was a plan.
     pub costs: Vec<Option<f64>>,
+    /// Whether the checker accepted the last plan; `None` without a plan, or without a formula to
+    /// check it by.
+    pub verified: Option<bool>,
 }
 
 /// Costs over time of samplers, with bounds on the optimum.
@@ -132,12 +140,17 @@ fn reference(case: &Case) -> Option<Reference> {
     let began = Instant::now();
     let upper = plan.cost.total;
     let lower = exact::lower_bound(map, problem.start.at, &problem.task, problem.weight, upper);
+    let bound_seconds = began.elapsed().as_secs_f64();
+    let began = Instant::now();
+    let quick = exact::quick_bound(map, problem.start.at, &problem.task, problem.weight, upper);
     Some(Reference {
         case: case.name.clone(),
         upper,
         lower,
         seconds,
-        bound_seconds: began.elapsed().as_secs_f64(),
+        bound_seconds,
+        quick,
+        quick_seconds: began.elapsed().as_secs_f64(),
     })
 }
 
@@ -152,8 +165,12 @@ fn descend(
         return Ok(None);
     };
     let found = plan(&case.problem, &sampler, settings, stop, &mut |_| {});
+    let mut verified = None;
     let improvements = match found {
-        Ok(solution) => solution.stats.improvements,
+        Ok(solution) => {
+            verified = check(&case.problem, &solution);
+            solution.stats.improvements
+        }
         Err(PlanError::NotFound(why)) => why.stats.improvements,
         Err(source) => {
             return Err(BenchError::Plan {
@@ -166,7 +183,16 @@ fn descend(
         case: case.name.clone(),
         strategy,
         costs: marks.iter().map(|m| m.cost(&improvements)).collect(),
+        verified,
     }))
+}
+
+/// Whether the checker accepts a plan.
+fn check(problem: &Problem, found: &Solution) -> Option<bool> {
+    let (map, formula) = (problem.system.plane()?, problem.task.formula.as_ref()?);
+    let (start, weight) = (problem.start.at, problem.weight);
+    let judged = verify(map, start, formula, &found.path, weight, Some(&found.cost));
+    Some(judged.is_ok())
 }
 
 /// How much of `base` a cost lies above it; both may be 0.
@@ -197,32 +223,35 @@ impl Convergence {
     /// The tables as Markdown.
     #[must_use]
     pub fn to_markdown(&self) -> String {
-        let bounds: Vec<f64> = self
-            .references
-            .iter()
-            .map(|r| gap(r.upper, r.lower))
-            .collect();
+        let all = &self.references;
+        let of = |value: fn(&Reference) -> f64| all.iter().map(value).collect::<Vec<f64>>();
+        let gaps = |lower: Vec<f64>| {
+            let gaps: Vec<f64> = all.iter().zip(lower).map(|(r, l)| gap(r.upper, l)).collect();
+            let largest = gaps.iter().copied().fold(0.0, f64::max);
+            let [largest, middle, mean] = [largest, quantile(&gaps, 0.5), mean(&gaps)].map(percent);
+            format!("{largest} more than the optimum (mean {mean}, median {middle})")
+        };
+        let time = |seconds: Vec<f64>| {
+            let [mean, middle] = [mean(&seconds), quantile(&seconds, 0.5)].map(|s| 1e3 * s);
+            format!("{mean:.1} ms on average (median {middle:.1} ms)")
+        };
         let mut text = format!(
-            "{} missions that the exact planner solves. Its plans cost at most {} more than the optimum \
-             by the lower bounds (mean {}, median {}); plan {:.1} ms, bound {:.1} ms on average.\n\n",
-            self.references.len(),
-            percent(bounds.iter().copied().fold(0.0, f64::max)),
-            percent(mean(&bounds)),
-            percent(quantile(&bounds, 0.5)),
-            1e3 * mean(
-                &self
-                    .references
-                    .iter()
-                    .map(|r| r.seconds)
-                    .collect::<Vec<_>>()
-            ),
-            1e3 * mean(
-                &self
-                    .references
-                    .iter()
-                    .map(|r| r.bound_seconds)
-                    .collect::<Vec<_>>()
-            ),
+            "{} missions that the exact planner solves. Its plans take {}. They cost at most {} by the lower \
+             bounds, which take {}; by bounds without refinement at most {}, which take {}.\n\n",
+            all.len(),
+            time(of(|r| r.seconds)),
+            gaps(of(|r| r.lower)),
+            time(of(|r| r.bound_seconds)),
+            gaps(of(|r| r.quick)),
+            time(of(|r| r.quick_seconds)),
+        );
+        let refused = self.descents.iter().filter(|d| d.verified == Some(false));
+        let checked = self.descents.iter().filter(|d| d.verified.is_some());
+        let _ = writeln!(
+            text,
+            "The checker refused {} of {} plans that the samplers ended with.\n",
+            refused.count(),
+            checked.count()
         );
         text.push_str(
             "Gap of each sampler's best plan to the exact planner's (negative: better).\n\n",

@@ -1,5 +1,4 @@
-//! A certified lower bound on the cost of every plan of a mission whose suffix begins where the automaton
-//! accepts, as the papers' plans do.
+//! A certified lower bound on the cost of every plan of a mission, wherever its suffix is entered.
 //!
 //! # The bound
 //! Where the letter changes, a path crosses the border of a region that the task speaks of. Those borders
@@ -16,23 +15,21 @@
 //! What such a leg may do besides, how the next one continues it (at another point of the gate, at no
 //! cost), is a relaxation. So the shortest path in the product of gates and automaton bounds every
 //! prefix, and shortest cycles bound every suffix: a suffix that moves and never changes the letter could
-//! stay instead, and any other one leaves the letter L in which it begins, with accepting state f, by
+//! stay instead, and any other one leaves the letter L in which it passes an accepting state f by
 //! some gate h and comes back into L by some gate g; on the way between them it spends at least the leg
-//! from g to h. The prefix is at least as long as the cheapest way into L from which f can be reached.
-//! More than that, where the suffix begins at x, with e(z) the least length of a prefix that comes into
-//! L and goes on in it to gate z, the prefix P and the parts t from x to h and u from g to x obey
-//! P ≥ e(h) − t and P ≥ e(g) − u. So P ≥ (e(g) + e(h) − (t + u)) / 2, where t + u is the length c of the leg
-//! from g to h or more; and if it is more, by s, the suffix costs (1 − λ)·s more and the prefix at most
-//! λ·s/2 less: for λ ≤ 2/3 the total is least at t + u = c.
+//! from g to h. On one of these legs the prefix enters, and what leg and prefix cost together at least is
+//! said in [`entrances`]. All such cycles are searched with their entries ([`solve`]).
 //!
 //! # Convex regions
 //! Gates that share an end are no distance apart, so a path that crossed one border in and out again and
 //! again could creep along it for nothing. Such paths are not needed. Where a convex region that
 //! nothing touches is left and entered again before any other, the way back can be taken inside, along
 //! the chord, and the letters that the border's crossings gave can be read where the region was first
-//! entered (or, if the path or the suffix begins inside, where it is last left), at no length, in the same
+//! entered (or, if the path begins inside, where it is last left), at no length, in the same
 //! order. So a region that is left is entered again through the same gate only, and once it was crossed
-//! from one gate to another, not before another region.
+//! from one gate to another, not before another region. This holds for the three parts of a plan, each by
+//! itself: the prefix, the suffix from its entry to the accepting state, and from there back. So the leg
+//! on which a suffix is entered, and the one that passes the accepting state, may do as they like.
 //!
 //! # Refinement
 //! Gates through which no plan cheaper than the one that is known can lead are dropped, the others are
@@ -43,7 +40,9 @@
 //! may lead from any letter to any other, since a path can pass where two borders cross. The bound
 //! holds then, too, but is weaker.
 
+mod entrances;
 mod product;
+mod solve;
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -70,7 +69,7 @@ const PRECISION: f64 = 1e-4;
 /// longer side; the bound is lowered by it.
 const RESOLUTION: f64 = 1e-6;
 
-/// What every plan of the mission costs at least whose suffix begins in an accepting state; `upper` is the cost of a known one (or infinite), and
+/// What every plan of the mission costs at least; `upper` is the cost of a known one (or infinite), and
 /// what is returned is at most that. `weight` is the prefix's share λ of the cost.
 #[must_use]
 pub fn lower_bound(
@@ -80,6 +79,29 @@ pub fn lower_bound(
     weight: f64,
     upper: f64,
 ) -> f64 {
+    bound(workspace, start, task, weight, upper, ROUNDS)
+}
+
+/// As [`lower_bound`], without refinement: found in a few milliseconds, and often far too low.
+#[must_use]
+pub fn quick_bound(
+    workspace: &Workspace,
+    start: Point2<f64>,
+    task: &Task,
+    weight: f64,
+    upper: f64,
+) -> f64 {
+    bound(workspace, start, task, weight, upper, 1)
+}
+
+fn bound(
+    workspace: &Workspace,
+    start: Point2<f64>,
+    task: &Task,
+    weight: f64,
+    upper: f64,
+    rounds: usize,
+) -> f64 {
     let Some(mut gates) = Gates::new(workspace, start, task) else {
         return 0.0;
     };
@@ -87,18 +109,23 @@ pub fn lower_bound(
     let cut = upper * (1.0 - PRECISION);
     let mut best: f64 = 0.0;
     let mut product = Product::new(&gates, task, weight);
-    for _ in 0..ROUNDS {
-        let solved = product.solve(&gates, cut);
-        product.prune(&solved, cut);
+    for round in 1..=rounds {
+        let useful = product.useful_legs(&product.solve(&gates, cut), cut);
+        product.keep_legs(&useful);
         product.lengthen(&mut gates);
         let solved = product.solve(&gates, cut);
-        product.prune(&solved, cut);
         best = best.max(product.bound(&gates, &solved, cut));
-        if best >= cut || 4 * product.legs.len() > MAX_LEGS {
+        if best >= cut || round == rounds {
             break;
         }
-        let keep = product.useful_nodes(&solved, cut);
-        product.halve(&mut gates, &keep);
+        let legs = product.useful_legs(&solved, cut);
+        let nodes = product.useful_nodes(&solved, cut);
+        drop(solved);
+        product.keep_legs(&legs);
+        if 4 * product.legs.len() > MAX_LEGS {
+            break;
+        }
+        product.halve(&mut gates, &nodes);
     }
     (best - RESOLUTION * workspace.bounds().side()).max(0.0)
 }

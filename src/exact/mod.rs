@@ -25,7 +25,7 @@ use crate::plan::{Cost, Path};
 use crate::shorten::used_regions;
 use crate::workspace::Workspace;
 
-pub use bound::lower_bound;
+pub use bound::{lower_bound, quick_bound};
 pub use roadmap::Roadmap;
 
 /// Settings of the exact planner.

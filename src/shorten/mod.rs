@@ -24,6 +24,7 @@ use crate::plan::{Cost, Path};
 use crate::workspace::{Polygon, Workspace};
 
 pub(crate) use chain::Chain;
+pub(crate) use pull::star_point;
 pub(crate) use word::word_of;
 
 /// How far from a border a visit's waypoint comes to lie, as a share of the map's longer side: a

@@ -94,7 +94,7 @@ pub(super) fn least(
 /// The point whose distances to three others, weighted, sum to the least (the problem of Fermat and
 /// Torricelli): one of them, if it pulls harder than the others together, else by E. Weiszfeld's iteration
 /// ("Sur le point pour lequel la somme des distances de n points donnés est minimum", 1937).
-pub(super) fn star_point(ends: [Point2<f64>; 3], weights: [f64; 3]) -> Point2<f64> {
+pub(crate) fn star_point(ends: [Point2<f64>; 3], weights: [f64; 3]) -> Point2<f64> {
     for k in 0..3 {
         let mut pull = nalgebra::Vector2::zeros();
         let mut own = 0.0;

@@ -60,7 +60,7 @@ use crate::workspace::{Polygon, Side, Workspace};
 
 /// Rounds of refinement, and the number of legs in the product beyond which no further one begins.
 const ROUNDS: usize = 14;
-const MAX_LEGS: usize = 600_000;
+const MAX_LEGS: usize = 300_000;
 
 /// The share of the known plan's cost that the bound need not resolve.
 const PRECISION: f64 = 1e-4;
@@ -114,7 +114,8 @@ fn bound(
         product.keep_legs(&useful);
         product.lengthen(&mut gates);
         let solved = product.solve(&gates, cut);
-        best = best.max(product.bound(&gates, &solved, cut));
+        best = best.max(product.bound(&solved, cut));
+        log::debug!("bound: {best} after round {round}, {} legs", product.legs.len());
         if best >= cut || round == rounds {
             break;
         }

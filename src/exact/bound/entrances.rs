@@ -9,25 +9,35 @@
 //! - λ·|w e| + (1 − λ)·(|g e| + |e h|) is least where the three balance, in straight lines, between the middles
 //!   of the gates; no point of a gate is further from its middle than half its length.
 
-use std::cell::RefCell;
-use std::collections::HashMap;
-use std::rc::Rc;
+use std::cell::{OnceCell, RefCell};
 
 use nalgebra::Vector2;
 
 use super::Gates;
-use super::product::{Leg, Product};
+use super::product::Product;
 use crate::shorten::star_point;
 
 /// λ up to which the first bound holds, with some room.
 const MAX_WEIGHT: f64 = 0.65;
 
+/// Up to so many gates, what is known of all pairs is kept in tables.
+const MAX_TABLE: usize = 2_000;
+
 /// Ways into a letter in a state from which the suffix can go on.
-struct Arrivals {
+#[derive(Debug)]
+pub(super) struct Arrivals {
+    letter: usize,
     /// With the gates, the shortest first, each gate once.
     ways: Vec<(f64, usize)>,
     /// For each gate, the least length of a way by some of these; not a number if it was not asked for.
     onward: RefCell<Vec<f64>>,
+}
+
+impl Arrivals {
+    /// The least length of them.
+    pub(super) fn nearest(&self) -> f64 {
+        self.ways.first().map_or(f64::INFINITY, |w| w.0)
+    }
 }
 
 /// Ways into the letters of a mission.
@@ -36,8 +46,11 @@ pub(super) struct Entrances<'g> {
     weight: f64,
     /// For each letter: lengths from the start, gates, and the states that may be entered in.
     ways: Vec<Vec<(f64, usize, u64)>>,
-    /// By letter and states.
-    arrivals: RefCell<HashMap<(usize, u64), Rc<Arrivals>>>,
+    /// By the classes of legs.
+    classes: Vec<(usize, u64)>,
+    arrivals: Vec<OnceCell<Arrivals>>,
+    /// By letter and pair of gates, what is known of the leg between them.
+    known: RefCell<Vec<Vec<f64>>>,
 }
 
 impl<'g> Entrances<'g> {
@@ -55,35 +68,56 @@ impl<'g> Entrances<'g> {
         Self {
             gates,
             weight: product.weight,
+            known: RefCell::new(vec![Vec::new(); ways.len()]),
             ways,
-            arrivals: RefCell::default(),
+            arrivals: product.classes.iter().map(|_| OnceCell::new()).collect(),
+            classes: product.classes.clone(),
         }
     }
 
-    fn arrivals(&self, letter: usize, states: u64) -> Rc<Arrivals> {
-        let mut known = self.arrivals.borrow_mut();
-        let new = || {
-            let mut seen = vec![false; self.gates.gates.len()];
-            let mut ways = Vec::new();
-            for &(length, gate, mine) in &self.ways[letter] {
-                if mine & states != 0 && !std::mem::replace(&mut seen[gate], true) {
-                    ways.push((length, gate));
-                }
+    /// The ways into a letter that lead to one of some states.
+    pub(super) fn into(&self, letter: usize, states: u64) -> Arrivals {
+        let mut seen = vec![false; self.gates.gates.len()];
+        let mut ways = Vec::new();
+        for &(length, gate, mine) in &self.ways[letter] {
+            if mine & states != 0 && !std::mem::replace(&mut seen[gate], true) {
+                ways.push((length, gate));
             }
-            let onward = RefCell::new(vec![f64::NAN; self.gates.gates.len()]);
-            Rc::new(Arrivals { ways, onward })
-        };
-        Rc::clone(known.entry((letter, states)).or_insert_with(new))
+        }
+        let onward = RefCell::new(vec![f64::NAN; seen.len()]);
+        Arrivals {
+            letter,
+            ways,
+            onward,
+        }
     }
 
-    /// The least length of a prefix that enters a letter in one of some states.
-    pub(super) fn nearest(&self, letter: usize, states: u64) -> f64 {
-        let arrivals = self.arrivals(letter, states);
-        arrivals.ways.first().map_or(f64::INFINITY, |w| w.0)
+    /// The ways to where a suffix can be entered on legs of a class.
+    pub(super) fn of_class(&self, class: u32) -> &Arrivals {
+        let (letter, states) = self.classes[class as usize];
+        self.arrivals[class as usize].get_or_init(|| self.into(letter, states))
+    }
+
+    /// As [`Gates::known`], found once for each pair.
+    pub(super) fn known(&self, letter: usize, g: usize, h: usize) -> f64 {
+        let count = self.gates.gates.len();
+        if count > MAX_TABLE {
+            return self.gates.known(letter, g, h);
+        }
+        let mut tables = self.known.borrow_mut();
+        let table = &mut tables[letter];
+        if table.is_empty() {
+            *table = vec![f64::NAN; count * count];
+        }
+        let i = g.min(h) * count + g.max(h);
+        if table[i].is_nan() {
+            table[i] = self.gates.known(letter, g, h);
+        }
+        table[i]
     }
 
     /// The least length of a way into a letter and on in it to a gate.
-    fn onward(&self, letter: usize, arrivals: &Arrivals, gate: usize) -> f64 {
+    fn onward(&self, arrivals: &Arrivals, gate: usize) -> f64 {
         let known = arrivals.onward.borrow()[gate];
         if !known.is_nan() {
             return known;
@@ -93,41 +127,34 @@ impl<'g> Entrances<'g> {
             if length >= least {
                 break;
             }
-            least = least.min(length + self.gates.known(letter, from, gate));
+            least = least.min(length + self.known(arrivals.letter, from, gate));
         }
         arrivals.onward.borrow_mut()[gate] = least;
         least
     }
 
-    /// What a leg of a suffix and the prefix that enters on it cost at least; soon found.
-    pub(super) fn rough(&self, product: &Product<'_>, leg: &Leg) -> f64 {
-        let (from, to) = (
-            &product.nodes[leg.from as usize],
-            &product.nodes[leg.to as usize],
-        );
-        let arrivals = self.arrivals(from.letter, product.entered_in(leg));
-        let Some(&(nearest, _)) = arrivals.ways.first() else {
+    /// What a leg of a suffix between two gates and the prefix that enters on it cost at least; soon found.
+    pub(super) fn rough(&self, arrivals: &Arrivals, [g, h]: [usize; 2], length: f64) -> f64 {
+        let mut prefix = arrivals.nearest();
+        if !prefix.is_finite() {
             return f64::INFINITY;
-        };
-        let mut prefix = nearest;
-        if self.weight > 0.0 && self.weight <= MAX_WEIGHT {
-            let there = self.onward(from.letter, &arrivals, from.gate);
-            let there = there + self.onward(from.letter, &arrivals, to.gate);
-            prefix = prefix.max((there - leg.length) / 2.0);
         }
-        self.total(prefix, leg.length)
+        if self.weight > 0.0 && self.weight <= MAX_WEIGHT {
+            let there = self.onward(arrivals, g) + self.onward(arrivals, h);
+            prefix = prefix.max((there - length) / 2.0);
+        }
+        self.total(prefix, length)
     }
 
-    /// The same for a leg of this length between two gates, as well as it can be found.
+    /// The same as well as it can be found; `limit` if it is that or more.
     pub(super) fn exact(
         &self,
-        letter: usize,
-        states: u64,
+        arrivals: &Arrivals,
         [g, h]: [usize; 2],
         length: f64,
+        limit: f64,
     ) -> f64 {
-        let arrivals = self.arrivals(letter, states);
-        let mut best = f64::INFINITY;
+        let mut best = limit;
         for &(way, w) in &arrivals.ways {
             let least = self.total(way, length);
             if least >= best {
@@ -135,7 +162,7 @@ impl<'g> Entrances<'g> {
             }
             let mut through = least;
             if self.weight > 0.0 && self.weight <= MAX_WEIGHT {
-                let known = |gate| self.gates.known(letter, w, gate);
+                let known = |gate| self.known(arrivals.letter, w, gate);
                 let joined = way + (known(g) + known(h) - length) / 2.0;
                 through = through.max(self.total(joined, length));
             }

@@ -25,8 +25,8 @@ pub(super) struct Leg {
     pub(super) length: f64,
     /// Whether it is a leg of any path, or only one on which a suffix is entered.
     pub(super) walk: bool,
-    /// Whether a suffix can be entered on it.
-    pub(super) entry: bool,
+    /// Whether a suffix can be entered on it, and then in which [class](Product::classes).
+    pub(super) entry: Option<u32>,
 }
 
 /// The product of gates and automaton.
@@ -38,9 +38,10 @@ pub(super) struct Product<'t> {
     pub(super) nodes: Vec<Node>,
     pub(super) legs: Vec<Leg>,
     /// By letter and state, as bits (number modulo 64): the states after reading the letter any number of
-    /// times, and those from which the state follows when it is read once or more.
+    /// times.
     pub(super) reads: Vec<Vec<u64>>,
-    pub(super) leads: Vec<Vec<u64>>,
+    /// The letters of legs with the states in which a suffix can be entered on them.
+    pub(super) classes: Vec<(usize, u64)>,
     /// For each node the numbers of the legs from it, and to it.
     pub(super) out: Vec<Vec<u32>>,
     pub(super) into: Vec<Vec<u32>>,
@@ -81,12 +82,24 @@ impl<'t> Product<'t> {
                 }
             }
         }
+        let (reads, leads) = readings(&relations, &letters, states);
+        let mut classes: Vec<(usize, u64)> = Vec::new();
+        let mut class_of = HashMap::new();
         let mut legs = Vec::new();
         for (i, node) in nodes.iter().enumerate() {
             for &(gate, to) in &ends[node.letter] {
                 let goes_on = gates.goes_on(node, gate);
                 let length = gates.straight(node.gate, gate);
                 for &state in relations.often(letters[node.letter], node.state) {
+                    let class = (
+                        node.letter,
+                        reads[node.letter][node.state as usize]
+                            & leads[node.letter][state as usize],
+                    );
+                    let class = *class_of.entry(class).or_insert_with(|| {
+                        classes.push(class);
+                        classes.len() as u32 - 1
+                    });
                     let mut add = |crossed, walk, entry| {
                         legs.push(Leg {
                             from: i as u32,
@@ -98,21 +111,20 @@ impl<'t> Product<'t> {
                     };
                     // Where a suffix is entered, no way back of a convex region is cut short.
                     if goes_on != Some(false) {
-                        add(false, false, true);
+                        add(false, false, Some(class));
                     }
                     if let Some(crossed) = goes_on {
-                        add(crossed, true, !crossed);
+                        add(crossed, true, (!crossed).then_some(class));
                     }
                 }
             }
         }
-        let (reads, leads) = readings(&relations, &letters, states);
         let mut product = Self {
             task,
             weight,
             letters,
             reads,
-            leads,
+            classes,
             relations,
             nodes,
             legs,
@@ -212,12 +224,6 @@ impl<'t> Product<'t> {
         self.index();
     }
 
-    /// The states in which a suffix can be entered on a leg.
-    pub(super) fn entered_in(&self, leg: &Leg) -> u64 {
-        let (from, to) = (&self.nodes[leg.from as usize], &self.nodes[leg.to as usize]);
-        self.reads[from.letter][from.state as usize] & self.leads[from.letter][to.state as usize]
-    }
-
     /// Halves gates. What is known of a leg holds for the legs between the halves of its gates.
     pub(super) fn halve(&mut self, gates: &mut Gates, keep: &[bool]) {
         let mut kept = vec![false; gates.gates.len()];
@@ -258,7 +264,8 @@ impl<'t> Product<'t> {
     }
 }
 
-/// See [`Product::reads`] and [`Product::leads`].
+/// By letter and state, as bits: the states after reading the letter any number of times, and those from
+/// which the state follows when it is read once or more.
 fn readings(relations: &Relations, letters: &[Letter], states: u32) -> (Vec<Vec<u64>>, Vec<Vec<u64>>) {
     let (mut reads, mut leads) = (Vec::new(), Vec::new());
     for &letter in letters {

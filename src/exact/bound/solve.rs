@@ -5,11 +5,12 @@
 //! prefix enters. So it is followed in two layers, before and after that, and what entering on a leg costs is
 //! added there ([`Entrances`]).
 
-use std::collections::{BinaryHeap, HashMap};
+use std::cell::RefCell;
 use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 
 use super::Gates;
-use super::entrances::Entrances;
+use super::entrances::{Arrivals, Entrances};
 use super::product::{Entry, Leg, Product};
 
 /// Least costs in a product, and what they were found from.
@@ -23,6 +24,8 @@ pub(super) struct Solved<'g> {
     entrances: Entrances<'g>,
     /// For each leg, what it costs to enter a suffix on it.
     entering: Vec<f64>,
+    /// The same as well as it can be found; not a number where that was not asked for.
+    entering_exactly: RefCell<Vec<f64>>,
     rounds: Vec<Round>,
 }
 
@@ -37,8 +40,9 @@ struct Round {
     /// To where it comes back into it: still to be entered on the way, and entered.
     left: Vec<f64>,
     home: Vec<f64>,
-    /// To enter it within the letter.
+    /// To enter it within the letter: by automaton state on arrival, the ways there.
     within: f64,
+    entries: Vec<Option<Arrivals>>,
 }
 
 impl Round {
@@ -72,11 +76,11 @@ impl Product<'_> {
         let from_start = self.distances(starts, 1.0, false, limit);
         let entrances = Entrances::new(gates, self, &from_start);
         let rough = |leg: &Leg| {
-            if leg.entry {
-                entrances.rough(self, leg)
-            } else {
-                f64::INFINITY
-            }
+            let Some(class) = leg.entry else {
+                return f64::INFINITY;
+            };
+            let ends = [leg.from, leg.to].map(|n| self.nodes[n as usize].gate);
+            entrances.rough(entrances.of_class(class), ends, leg.length)
         };
         let entering: Vec<f64> = self.legs.iter().map(rough).collect();
         let mut resting: Vec<usize> = Vec::new();
@@ -103,6 +107,7 @@ impl Product<'_> {
             to_rest,
             to_enter,
             entrances,
+            entering_exactly: RefCell::new(vec![f64::NAN; entering.len()]),
             entering,
             rounds,
         }
@@ -123,14 +128,20 @@ impl Product<'_> {
             return None;
         }
         let home = self.distances(seeds(&arrivals).into_iter(), share, true, cut);
-        let legs = || self.legs.iter().zip(entering).filter(|(leg, _)| leg.entry);
+        let legs = || self.legs.iter().zip(entering).filter(|(_, x)| **x < cut);
         let after = legs().map(|(leg, x)| (leg.to as usize, out[leg.from as usize] + x));
         let joined = self.distances(after, share, false, cut);
         let before = legs().map(|(leg, x)| (leg.from as usize, x + home[leg.to as usize]));
         let left = self.distances(before, share, true, cut);
-        let reads = |&n: &usize| self.reads[letter][self.nodes[n].state as usize];
-        let states = arrivals.iter().map(reads).fold(0, |all, s| all | s);
-        let within = self.total(entrances.nearest(letter, states), 0.0);
+        let mut entries: Vec<Option<Arrivals>> = Vec::new();
+        entries.resize_with(self.task.nba.len(), || None);
+        let mut within = f64::INFINITY;
+        for &n in arrivals.iter().filter(|&&n| out[n].is_finite()) {
+            let state = self.nodes[n].state as usize;
+            let into = || entrances.into(letter, self.reads[letter][state]);
+            let ways = entries[state].get_or_insert_with(into);
+            within = within.min(self.total(ways.nearest(), 0.0));
+        }
         Some(Round {
             letter,
             departures,
@@ -140,35 +151,39 @@ impl Product<'_> {
             left,
             home,
             within,
+            entries,
         })
     }
 
     /// What is left to pay from each node on a prefix: to some letter in which a suffix is entered, and that
     /// suffix.
     fn to_enter(&self, rounds: &[Round], cut: f64) -> Vec<f64> {
-        let mut least: HashMap<(usize, u64), f64> = HashMap::new();
-        let mut note = |letter: usize, states: u64, cost: f64| {
-            if cost < cut {
-                let known = least.entry((letter, states)).or_insert(f64::INFINITY);
-                *known = known.min(cost);
-            }
-        };
+        let mut least = vec![f64::INFINITY; self.classes.len()];
+        let mut within = Vec::new();
         for round in rounds {
-            for leg in self.legs.iter().filter(|leg| leg.entry) {
+            for leg in &self.legs {
+                let Some(class) = leg.entry else { continue };
                 let whole = round.out[leg.from as usize]
                     + (1.0 - self.weight) * leg.length
                     + round.home[leg.to as usize];
-                let letter = self.nodes[leg.from as usize].letter;
-                note(letter, self.entered_in(leg), whole);
+                let known = &mut least[class as usize];
+                *known = known.min(whole);
             }
-            for &n in &round.arrivals {
+            for &n in round.arrivals.iter().filter(|&&n| round.out[n] < cut) {
                 let states = self.reads[round.letter][self.nodes[n].state as usize];
-                note(round.letter, states, round.out[n]);
+                within.push((round.letter, round.out[n], states));
             }
         }
         let mut by_letter = vec![Vec::new(); self.letters.len()];
-        for ((letter, states), cost) in least {
+        for (&(letter, states), cost) in self.classes.iter().zip(least) {
             by_letter[letter].push((cost, states));
+        }
+        for (letter, cost, states) in within {
+            let row = &mut by_letter[letter];
+            match row.iter_mut().find(|known| known.1 == states) {
+                Some(known) => known.0 = known.0.min(cost),
+                None => row.push((cost, states)),
+            }
         }
         let seed = |(n, node): (usize, &super::product::Node)| {
             let mine = self.reads[node.letter][node.state as usize];
@@ -221,7 +236,7 @@ impl Product<'_> {
     }
 
     /// What any plan costs at least; `cut` if it is that or more.
-    pub(super) fn bound(&self, gates: &Gates, solved: &Solved<'_>, cut: f64) -> f64 {
+    pub(super) fn bound(&self, solved: &Solved<'_>, cut: f64) -> f64 {
         let resting = (0..self.nodes.len()).filter(|&n| solved.to_rest[n] == 0.0);
         let rest = resting.map(|n| solved.from_start[n]);
         let mut best = self.total(rest.fold(f64::INFINITY, f64::min), 0.0).min(cut);
@@ -232,7 +247,6 @@ impl Product<'_> {
             for group in departures.chunk_by(|&a, &b| self.nodes[a].gate == self.nodes[b].gate) {
                 best = Closing {
                     product: self,
-                    gates,
                     solved,
                     round,
                     gate: self.nodes[group[0]].gate,
@@ -247,7 +261,6 @@ impl Product<'_> {
 /// The search for suffixes that leave their letter by one gate.
 struct Closing<'a, 'g, 't> {
     product: &'a Product<'t>,
-    gates: &'a Gates,
     solved: &'a Solved<'g>,
     round: &'a Round,
     gate: usize,
@@ -291,11 +304,7 @@ impl Closing<'_, '_, '_> {
             if kind == ENTERING {
                 let leg = &product.legs[i as usize];
                 let (from, to) = (leg.from as usize, leg.to as usize);
-                let at = [from, to].map(|n| product.nodes[n].gate);
-                let letter = product.nodes[from].letter;
-                let states = product.entered_in(leg);
-                let entering = self.solved.entrances.exact(letter, states, at, leg.length);
-                let cost = costs[0][from] + entering.max(self.solved.entering[i as usize]);
+                let cost = costs[0][from] + self.entering(i as usize);
                 if cost < costs[1][to] && cost + ahead(JOINED, to) < best {
                     costs[1][to] = cost;
                     push(&mut queue, JOINED, cost + ahead(JOINED, to), to as u32);
@@ -308,12 +317,12 @@ impl Closing<'_, '_, '_> {
                 continue;
             }
             if is_arrival[n] {
-                best = best.min(cost + self.close(n, kind == JOINED));
+                best = best.min(cost + self.close(n, kind == JOINED, best - cost));
             }
             for &k in &product.out[n] {
                 let leg = &product.legs[k as usize];
                 let to = leg.to as usize;
-                if kind == OUT && leg.entry {
+                if kind == OUT && leg.entry.is_some() {
                     let enters = cost + self.solved.entering[k as usize] + ahead(JOINED, to);
                     if enters < best {
                         push(&mut queue, ENTERING, enters, k);
@@ -330,21 +339,39 @@ impl Closing<'_, '_, '_> {
         best
     }
 
+    /// What entering on a leg costs, as well as it can be found.
+    fn entering(&self, k: usize) -> f64 {
+        let known = self.solved.entering_exactly.borrow()[k];
+        if !known.is_nan() {
+            return known;
+        }
+        let (leg, entrances) = (&self.product.legs[k], &self.solved.entrances);
+        let ends = [leg.from, leg.to].map(|n| self.product.nodes[n as usize].gate);
+        let exact = leg.entry.map_or(f64::INFINITY, |class| {
+            entrances.exact(entrances.of_class(class), ends, leg.length, f64::INFINITY)
+        });
+        let exact = exact.max(self.solved.entering[k]);
+        self.solved.entering_exactly.borrow_mut()[k] = exact;
+        exact
+    }
+
     /// What closing costs from where the suffix comes back: the leg to where it left, on which it is
-    /// entered if it was not.
-    fn close(&self, n: usize, joined: bool) -> f64 {
+    /// entered if it was not; `limit` if that or more.
+    fn close(&self, n: usize, joined: bool, limit: f64) -> f64 {
         let (product, letter) = (self.product, self.round.letter);
         let node = &product.nodes[n];
-        let length = self.gates.known(letter, node.gate, self.gate);
-        if !length.is_finite() {
-            return f64::INFINITY;
-        }
-        if joined {
-            return product.total(0.0, length);
-        }
-        let states = product.reads[letter][node.state as usize];
-        let ends = [node.gate, self.gate];
         let entrances = &self.solved.entrances;
-        entrances.exact(letter, states, ends, length)
+        let length = entrances.known(letter, node.gate, self.gate);
+        let cost = product.total(0.0, length);
+        if joined || !length.is_finite() || cost >= limit {
+            return cost;
+        }
+        let ends = [node.gate, self.gate];
+        match &self.round.entries[node.state as usize] {
+            Some(ways) if entrances.rough(ways, ends, length) < limit => {
+                entrances.exact(ways, ends, length, limit)
+            }
+            _ => limit,
+        }
     }
 }

@@ -32,8 +32,9 @@
 //! on which a suffix is entered, and the one that passes the accepting state, may do as they like.
 //!
 //! # Refinement
-//! Gates through which no plan cheaper than the one that is known can lead are dropped, the others are
-//! halved, and again (branch and bound). The result is never above the known plan's cost.
+//! Gates through which no plan cheaper than the one that is known can lead are dropped, those through which
+//! the plans lead that hold the bound down are halved, and again (branch and bound). The result is never
+//! above the known plan's cost.
 //!
 //! # Degenerate maps
 //! Where regions of the task touch or overlap each other or obstacles, regions are not avoided and a gate
@@ -59,8 +60,12 @@ use crate::workspace::visibility::{PathsTo, VisibilityGraph};
 use crate::workspace::{Polygon, Side, Workspace};
 
 /// Rounds of refinement, and the number of legs in the product beyond which no further one begins.
-const ROUNDS: usize = 14;
-const MAX_LEGS: usize = 300_000;
+const ROUNDS: usize = 40;
+const MAX_LEGS: usize = 100_000;
+
+/// Gates are halved in a round if a plan may lead through them that costs no more than the bound and
+/// this share of what is left between it and the known plan.
+const CRITICAL: f64 = 0.2;
 
 /// The share of the known plan's cost that the bound need not resolve.
 const PRECISION: f64 = 1e-4;
@@ -121,12 +126,13 @@ fn bound(
         }
         let legs = product.useful_legs(&solved, cut);
         let nodes = product.useful_nodes(&solved, cut);
+        let critical = product.useful_nodes(&solved, best + CRITICAL * (cut - best));
         drop(solved);
         product.keep_legs(&legs);
-        if 4 * product.legs.len() > MAX_LEGS {
+        if product.legs.len() > MAX_LEGS {
             break;
         }
-        product.halve(&mut gates, &nodes);
+        product.halve(&mut gates, &nodes, &critical);
     }
     (best - RESOLUTION * workspace.bounds().side()).max(0.0)
 }
@@ -294,16 +300,18 @@ impl Gates {
         }
     }
 
-    /// Halves the gates that are to be kept and drops the others. Returns for each the numbers of its
-    /// halves.
-    fn halve(&mut self, keep: &[bool]) -> Vec<Vec<usize>> {
+    /// Drops the gates that are not to be kept and halves some of the others. Returns for each the numbers
+    /// of its parts.
+    fn halve(&mut self, keep: &[bool], split: &[bool]) -> Vec<Vec<usize>> {
         let mut next = vec![self.gates[0]];
         let mut halves = vec![vec![0]];
-        for (gate, keep) in self.gates.iter().zip(keep).skip(1) {
+        for (i, gate) in self.gates.iter().enumerate().skip(1) {
             let middle = gate.middle();
             let mut mine = Vec::new();
-            for (a, b) in [(gate.a, middle), (middle, gate.b)] {
-                if *keep {
+            let parts = [(gate.a, middle), (middle, gate.b)];
+            let whole = [(gate.a, gate.b)];
+            for &(a, b) in if split[i] { &parts[..] } else { &whole } {
+                if keep[i] {
                     mine.push(next.len());
                     next.push(Gate {
                         a,

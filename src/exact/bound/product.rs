@@ -224,13 +224,17 @@ impl<'t> Product<'t> {
         self.index();
     }
 
-    /// Halves gates. What is known of a leg holds for the legs between the halves of its gates.
-    pub(super) fn halve(&mut self, gates: &mut Gates, keep: &[bool]) {
-        let mut kept = vec![false; gates.gates.len()];
-        for (node, keep) in self.nodes.iter().zip(keep) {
-            kept[node.gate] |= keep;
-        }
-        let halves = gates.halve(&kept);
+    /// Drops the nodes that are not to be kept and halves the gates of some. What is known of a leg holds
+    /// for the legs between the halves of its gates.
+    pub(super) fn halve(&mut self, gates: &mut Gates, keep: &[bool], split: &[bool]) {
+        let of_gates = |nodes: &[bool]| {
+            let mut all = vec![false; gates.gates.len()];
+            for (node, yes) in self.nodes.iter().zip(nodes) {
+                all[node.gate] |= yes;
+            }
+            all
+        };
+        let halves = gates.halve(&of_gates(keep), &of_gates(split));
         let mut nodes = Vec::new();
         let mut numbers: Vec<Vec<u32>> = Vec::with_capacity(self.nodes.len());
         for (i, (node, &keep)) in self.nodes.iter().zip(keep).enumerate() {

@@ -194,7 +194,10 @@ fn no_planner_is_cheaper_than_the_exact_one_and_that_not_below_the_bound() {
         verify::verify(&map, start, &formula, &plan.path, weight, Some(&plan.cost)).unwrap();
         if task.nba.len() <= 12 {
             let lower = lower_bound(&map, start, &task, weight, 1.1 * total);
-            assert!(lower <= total + 1e-9, "{seed}: {lower} > {total} `{formula}`");
+            assert!(
+                lower <= total + 1e-9,
+                "{seed}: {lower} > {total} `{formula}`"
+            );
         }
         let problem = problem(&map, start, &formula, weight);
         let settings = Settings {

@@ -148,7 +148,10 @@ fn regions_that_the_task_forbids_are_named_where_every_way_leads_through_them() 
         assert_eq!(shut.beyond, ["goal"]);
         assert!(shut.places.is_empty());
         let text = shut.to_string();
-        assert!(text.contains("`goal` cannot be reached without crossing `wall`"), "{text}");
+        assert!(
+            text.contains("`goal` cannot be reached without crossing `wall`"),
+            "{text}"
+        );
         // Nested: the house stands in the yard.
         let inside = why("<> house && (!yard U goal) && [] !wall");
         assert_eq!(inside.through, ["wall"], "{inside}");

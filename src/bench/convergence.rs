@@ -226,7 +226,11 @@ impl Convergence {
         let all = &self.references;
         let of = |value: fn(&Reference) -> f64| all.iter().map(value).collect::<Vec<f64>>();
         let gaps = |lower: Vec<f64>| {
-            let gaps: Vec<f64> = all.iter().zip(lower).map(|(r, l)| gap(r.upper, l)).collect();
+            let gaps: Vec<f64> = all
+                .iter()
+                .zip(lower)
+                .map(|(r, l)| gap(r.upper, l))
+                .collect();
             let largest = gaps.iter().copied().fold(0.0, f64::max);
             let [largest, middle, mean] = [largest, quantile(&gaps, 0.5), mean(&gaps)].map(percent);
             format!("{largest} more than the optimum (mean {mean}, median {middle})")

@@ -37,9 +37,9 @@
 //! above the known plan's cost.
 //!
 //! # Degenerate maps
-//! Where regions of the task touch or overlap each other or obstacles, regions are not avoided and a gate
-//! may lead from any letter to any other, since a path can pass where two borders cross. The bound
-//! holds then, too, but is weaker.
+//! A region that touches another of the task or an obstacle is not avoided, since a path can pass between
+//! them, nor are its ways back cut short. On a piece where other regions' borders run, too, the letter may
+//! change by any of these. The bound holds then, too, but is weaker.
 
 mod entrances;
 mod product;
@@ -120,7 +120,10 @@ fn bound(
         product.lengthen(&mut gates);
         let solved = product.solve(&gates, cut);
         best = best.max(product.bound(&solved, cut));
-        log::debug!("bound: {best} after round {round}, {} legs", product.legs.len());
+        log::debug!(
+            "bound: {best} after round {round}, {} legs",
+            product.legs.len()
+        );
         if best >= cut || round == rounds {
             break;
         }
@@ -143,6 +146,10 @@ struct Gate {
     a: Point2<f64>,
     b: Point2<f64>,
     region: usize,
+    /// The regions whose borders run here, its own among them, as bits.
+    borders: u64,
+    /// The other regions that it lies in.
+    inside: u64,
     /// Whether no obstacle covers part of it, so that its points can be reached from its middle.
     free: bool,
 }
@@ -163,7 +170,8 @@ struct Gates {
     /// Letters by the regions of the task in them, and one letter of the map for each.
     letters: Vec<(Props, Letter)>,
     start_letter: usize,
-    apart: bool,
+    /// The regions of the task, with their numbers.
+    regions: Vec<(usize, Polygon)>,
     /// By number, which of the map's regions are convex and apart from all else.
     convex: Vec<bool>,
     /// For each letter the space in which legs with it run.
@@ -191,62 +199,92 @@ impl Gates {
             .map(|i| (i, &workspace.regions()[i].polygon))
             .collect();
         let margin = 16.0 * workspace.tolerance();
-        let all = regions.iter().map(|r| r.1).chain(workspace.obstacles());
-        let all: Vec<&Polygon> = all.collect();
-        let apart = (0..regions.len())
-            .all(|i| (i + 1..all.len()).all(|j| are_apart(all[i], all[j], margin)));
+        let is_apart = |i: usize| {
+            let others = regions.iter().filter(|r| r.0 != i).map(|r| r.1);
+            let mine = &workspace.regions()[i].polygon;
+            let mut others = others.chain(workspace.obstacles());
+            others.all(|other| are_apart(mine, other, margin))
+        };
+        let apart: Vec<bool> = (0..workspace.regions().len())
+            .map(|i| used.contains(i) && is_apart(i))
+            .collect();
+        let avoided = regions.iter().filter(|r| apart[r.0]).copied();
+        let avoided: Vec<(usize, &Polygon)> = avoided.collect();
         let spaces = letters
             .iter()
-            .map(|(props, _)| space(workspace, &regions, *props, apart))
+            .map(|(props, _)| space(workspace, &avoided, *props))
             .collect();
         let origin = Gate {
             a: start,
             b: start,
             region: usize::MAX,
+            borders: 0,
+            inside: 0,
             free: true,
         };
-        let mut gates = vec![origin];
-        for &(region, polygon) in &regions {
-            gates.extend(polygon.edges().map(|(a, b)| Gate {
-                a,
-                b,
-                region,
-                free: workspace.is_free_segment(a, b),
-            }));
-        }
-        Some(Self {
-            gates,
+        let mut all = Self {
+            gates: vec![origin],
             letters,
             start_letter,
-            apart,
+            regions: regions.iter().map(|r| (r.0, r.1.clone())).collect(),
             convex: workspace
                 .regions()
                 .iter()
-                .map(|r| apart && is_convex(&r.polygon))
+                .zip(&apart)
+                .map(|(r, apart)| *apart && is_convex(&r.polygon))
                 .collect(),
             spaces,
             paths: HashMap::new(),
             legs: HashMap::new(),
             workspace: workspace.clone(),
-        })
+        };
+        for &(region, polygon) in &regions {
+            for (a, b) in polygon.edges() {
+                let gate = all.gate(a, b, region, workspace.is_free_segment(a, b));
+                all.gates.push(gate);
+            }
+        }
+        Some(all)
+    }
+
+    /// A piece of a region's border.
+    fn gate(&self, a: Point2<f64>, b: Point2<f64>, region: usize, free: bool) -> Gate {
+        let margin = 16.0 * self.workspace.tolerance();
+        let middle = nalgebra::center(&a, &b);
+        let (mut borders, mut inside) = (1 << region, 0);
+        for (i, polygon) in self.regions.iter().filter(|r| r.0 != region) {
+            let meets = |e| segment_distance((a, b), e) <= margin;
+            if polygon.edges().any(meets) {
+                borders |= 1 << i;
+            } else if polygon.side_of(middle, margin) == Side::Inside {
+                inside |= 1 << i;
+            }
+        }
+        Gate {
+            a,
+            b,
+            region,
+            borders,
+            inside,
+            free,
+        }
     }
 
     /// The letters that a path may come from and go on with at a gate.
     fn crossings(&self, gate: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
-        let region = self.gates[gate].region;
         let n = self.letters.len();
         let pairs = (0..n).flat_map(move |from| (0..n).map(move |to| (from, to)));
-        pairs.filter(move |&(from, to)| gate != 0 && self.crosses(region, from, to))
+        pairs.filter(move |&(from, to)| gate != 0 && self.crosses(gate, from, to))
     }
 
-    /// Whether the letter can change like this on the border of a region.
-    fn crosses(&self, region: usize, from: usize, to: usize) -> bool {
-        let change = self.letters[from].0.0 ^ self.letters[to].0.0;
-        if self.apart {
-            change == 1 << region
-        } else {
-            change != 0
-        }
+    /// Whether the letter can change like this at a gate: by the regions whose borders run there.
+    fn crosses(&self, gate: usize, from: usize, to: usize) -> bool {
+        let Gate {
+            borders, inside, ..
+        } = self.gates[gate];
+        let (before, after) = (self.letters[from].0.0, self.letters[to].0.0);
+        let change = before ^ after;
+        change != 0 && change & !borders == 0 && before & !borders == inside
     }
 
     /// Whether a shortest path may go on from a node to a gate, and whether it has then crossed a convex
@@ -313,11 +351,10 @@ impl Gates {
             for &(a, b) in if split[i] { &parts[..] } else { &whole } {
                 if keep[i] {
                     mine.push(next.len());
-                    next.push(Gate {
-                        a,
-                        b,
-                        region: gate.region,
-                        free: gate.free || self.workspace.is_free_segment(a, b),
+                    let free = gate.free || split[i] && self.workspace.is_free_segment(a, b);
+                    next.push(match split[i] {
+                        true => self.gate(a, b, gate.region, free),
+                        false => *gate,
                     });
                 }
             }
@@ -336,18 +373,15 @@ fn key(m: Point2<f64>, n: Point2<f64>) -> ([u64; 4], Point2<f64>, Point2<f64>) {
     ([a, b, c, d], low, high)
 }
 
-/// The space of legs with a letter: the map with the regions that the letter lacks as obstacles.
+/// The space of legs with a letter: the map with those of the given regions that it lacks as obstacles.
 fn space(
     workspace: &Workspace,
     regions: &[(usize, &Polygon)],
     props: Props,
-    apart: bool,
 ) -> Option<VisibilityGraph> {
     let mut obstacles = workspace.obstacles().to_vec();
-    if apart {
-        let lacking = regions.iter().filter(|(i, _)| !props.contains(*i));
-        obstacles.extend(lacking.map(|(_, polygon)| (*polygon).clone()));
-    }
+    let lacking = regions.iter().filter(|(i, _)| !props.contains(*i));
+    obstacles.extend(lacking.map(|(_, polygon)| (*polygon).clone()));
     let map = Workspace::new(workspace.bounds(), obstacles, Vec::new()).ok()?;
     Some(VisibilityGraph::new(Arc::new(map)))
 }

@@ -76,7 +76,10 @@ impl<'m, 'a> Cycles<'m, 'a> {
         self.searches_left -= 1;
         let m = self.mission;
         let (node, state) = m.split(at);
-        let to_go = self.to_go.entry(state).or_insert_with(|| m.lengths_to(state));
+        let to_go = self
+            .to_go
+            .entry(state)
+            .or_insert_with(|| m.lengths_to(state));
         let goal = Goal {
             at,
             way: ways.cost(at),

@@ -428,13 +428,21 @@ impl<'a> Search<'a> {
 
     /// Looks for better entries to the best plan's suffix and, in turn, to those of other goals.
     fn enter_again(&mut self) {
-        let Some(best) = &self.best else { return };
-        let (goal, cycle, cost) = (best.goal, best.path.suffix.clone(), best.cost);
-        if cycle.len() > 1
-            && let Some((entry, cost)) = self.enter(&cycle, cost.suffix)
-            && self.is_better(cost)
-        {
-            self.keep(goal, entry.path(&self.prefix, &cycle), cost);
+        let Some(best) = &mut self.best else { return };
+        if best.path.suffix.len() > 1 {
+            let (goal, length) = (best.goal, best.cost.suffix);
+            let cycle = std::mem::take(&mut best.path.suffix);
+            let found = self.enter(&cycle, length);
+            match found {
+                Some((entry, cost)) if self.is_better(cost) => {
+                    self.keep(goal, entry.path(&self.prefix, &cycle), cost);
+                }
+                _ => {
+                    if let Some(best) = &mut self.best {
+                        best.path.suffix = cycle;
+                    }
+                }
+            }
         }
         if !self.suffixes.is_empty() {
             let turn = self.stats.iterations / ENTRY_PERIOD;

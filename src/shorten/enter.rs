@@ -35,8 +35,8 @@ impl Shortener<'_> {
         let whole = length(&closed);
         // Where the suffix bends for the sake of the entry alone, it need not any more.
         let old = &chain.points[chain.split..];
-        let now = before * length(prefix)
-            + after * (length(old) + (old[0] - old[old.len() - 1]).norm());
+        let now =
+            before * length(prefix) + after * (length(old) + (old[0] - old[old.len() - 1]).norm());
         let mut found: Vec<Meeting> = Vec::new();
         let mut walked = 0.0;
         for (from, &p) in prefix.iter().enumerate() {

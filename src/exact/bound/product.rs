@@ -193,10 +193,9 @@ impl<'t> Product<'t> {
     pub(super) fn departures(&self, gates: &Gates, letter: usize, state: u32) -> Vec<usize> {
         let reads = self.relations.often(self.letters[letter], state);
         let leaves = |n: &Node| {
-            let region = gates.gates[n.gate].region;
             n.gate != 0
                 && !n.crossed
-                && gates.crosses(region, letter, n.letter)
+                && gates.crosses(n.gate, letter, n.letter)
                 && reads.contains(&n.state)
         };
         let all = self.nodes.iter().enumerate();
@@ -250,8 +249,13 @@ impl<'t> Product<'t> {
         }
         let mut legs = Vec::with_capacity(4 * self.legs.len());
         for leg in &self.legs {
+            let letters = [leg.from, leg.to].map(|n| self.nodes[n as usize].letter);
             for &from in &numbers[leg.from as usize] {
                 for &to in &numbers[leg.to as usize] {
+                    // Fewer borders may run along a half than along the whole.
+                    if !gates.crosses(nodes[to as usize].gate, letters[0], letters[1]) {
+                        continue;
+                    }
                     let (g, h) = (nodes[from as usize].gate, nodes[to as usize].gate);
                     let length = leg.length.max(gates.straight(g, h));
                     legs.push(Leg {
@@ -270,7 +274,11 @@ impl<'t> Product<'t> {
 
 /// By letter and state, as bits: the states after reading the letter any number of times, and those from
 /// which the state follows when it is read once or more.
-fn readings(relations: &Relations, letters: &[Letter], states: u32) -> (Vec<Vec<u64>>, Vec<Vec<u64>>) {
+fn readings(
+    relations: &Relations,
+    letters: &[Letter],
+    states: u32,
+) -> (Vec<Vec<u64>>, Vec<Vec<u64>>) {
     let (mut reads, mut leads) = (Vec::new(), Vec::new());
     for &letter in letters {
         let mut after: Vec<u64> = (0..states).map(|q| 1 << (q % 64)).collect();

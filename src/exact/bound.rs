@@ -60,8 +60,8 @@ use crate::workspace::visibility::{PathsTo, VisibilityGraph};
 use crate::workspace::{Polygon, Side, Workspace};
 
 /// Rounds of refinement, and the number of legs in the product beyond which no further one begins.
-const ROUNDS: usize = 40;
-const MAX_LEGS: usize = 100_000;
+const ROUNDS: usize = 24;
+const MAX_LEGS: usize = 60_000;
 
 /// Gates are halved in a round if a plan may lead through them that costs no more than the bound and
 /// this share of what is left between it and the known plan.

@@ -2,7 +2,8 @@
 //! these to certified lower bounds.
 //!
 //! `cargo bench --bench convergence [-- MISSIONS [SECONDS [SAMPLER…]]]`: maps of all families of the data
-//! set, patterns of the mission catalogue; 100 missions, 1 second each, uniform and biased by default.
+//! set, patterns of the mission catalogue; 100 missions, 1 second each, all samplers by default; the networks' time
+//! is not counted.
 //! `NNGTL_CSV=FILE` writes every search.
 
 #![allow(clippy::print_stdout)] // a report is what this program is for
@@ -13,12 +14,14 @@ use nngtl::automaton::{Limits, Task};
 use nngtl::bench::{Case, Mark, Strategy, converge};
 use nngtl::dataset::maps::{Family, draw_map, draw_start};
 use nngtl::dataset::missions::draw_pattern;
+use nngtl::mission::predict_with;
+use nngtl::nn::{DeviceChoice, Predictor};
 use nngtl::planner::{Problem, Settings, Stop};
 use nngtl::random::generator;
 use nngtl::system::Continuous;
 
 /// A random mission, if it has an automaton.
-fn case(seed: u64) -> Option<Case> {
+fn case(seed: u64, networks: Option<&mut Predictor>) -> Option<Case> {
     let mut random = generator(seed, 78);
     let family = Family::ALL[seed as usize % Family::ALL.len()];
     let map = draw_map(family, &mut random).workspace().ok()?;
@@ -26,6 +29,7 @@ fn case(seed: u64) -> Option<Case> {
     let (pattern, formula) = draw_pattern(map.regions().len(), &mut random);
     let letters = Arc::clone(map.alphabet());
     let task = Task::from_formula(&formula, letters, &Limits::default()).ok()?;
+    let guidance = networks.and_then(|n| predict_with(n, &map, start, &task).ok());
     let system = Continuous::new(Arc::new(map), start).ok()?;
     Some(Case {
         name: format!("{seed}-{family}-{pattern}"),
@@ -35,7 +39,7 @@ fn case(seed: u64) -> Option<Case> {
             task: Arc::new(task),
             weight: 0.2,
         },
-        guidance: None,
+        guidance: guidance.map(|p| p.guidance),
         labels: None,
         inference_seconds: 0.0,
     })
@@ -46,11 +50,16 @@ fn main() {
     let missions = arguments.next().and_then(|a| a.parse().ok()).unwrap_or(100);
     let seconds = arguments.next().and_then(|a| a.parse().ok()).unwrap_or(1.0);
     let named: Vec<String> = arguments.collect();
-    let mut strategies = vec![Strategy::Uniform, Strategy::Biased];
+    let mut strategies = vec![Strategy::Uniform, Strategy::Biased, Strategy::Guided];
     if !named.is_empty() {
         strategies.retain(|s| named.iter().any(|n| n == s.name()));
     }
-    let cases: Vec<Case> = (0..).filter_map(case).take(missions).collect();
+    let guided = strategies.contains(&Strategy::Guided);
+    let mut networks = guided
+        .then(|| Predictor::embedded(DeviceChoice::Cpu).ok())
+        .flatten();
+    let all = (0..).filter_map(|seed| case(seed, networks.as_mut()));
+    let cases: Vec<Case> = all.take(missions).collect();
     let settings = Settings {
         iterations: u64::MAX,
         time_limit: Some(seconds),

@@ -113,6 +113,61 @@ fn walls_are_named_for_every_sampler() {
     }
 }
 
+const RINGS: &str = r#"
+start = [0.1, 0.1]
+[workspace]
+bounds = [[0, 0], [1, 1]]
+obstacles = [[[0.6, 0.0], [0.65, 0.0], [0.65, 0.4], [0.6, 0.4]]]
+[workspace.regions]
+wall = [[0.6, 0.4], [0.65, 0.4], [0.65, 1.0], [0.6, 1.0]]
+goal = [[0.8, 0.4], [0.9, 0.4], [0.9, 0.6], [0.8, 0.6]]
+yard = [[0.2, 0.4], [0.5, 0.4], [0.5, 0.7], [0.2, 0.7]]
+house = [[0.3, 0.5], [0.4, 0.5], [0.4, 0.6], [0.3, 0.6]]
+"#;
+
+fn ring(task: &str, sampler: SamplerChoice) -> Result<(), MissionError> {
+    let mut spec: ScenarioSpec = toml::from_str(RINGS).unwrap();
+    spec.task = Some(task.to_owned());
+    let scenario = Scenario::from_spec(&spec).unwrap();
+    let options = Options {
+        sampler,
+        ..Options::default()
+    };
+    mission::plan(&scenario, &options).map(|_| ())
+}
+
+#[test]
+fn regions_that_the_task_forbids_are_named_where_every_way_leads_through_them() {
+    for sampler in [SamplerChoice::Biased, SamplerChoice::Exact] {
+        let why = |task: &str| match ring(task, sampler) {
+            Err(MissionError::Unreachable(why)) => why,
+            other => panic!("{task}: {other:?}"),
+        };
+        let shut = why("<> goal && [] !wall");
+        assert_eq!(shut.through, ["wall"]);
+        assert_eq!(shut.beyond, ["goal"]);
+        assert!(shut.places.is_empty());
+        let text = shut.to_string();
+        assert!(
+            text.contains("`goal` cannot be reached without crossing `wall`"),
+            "{text}"
+        );
+        // Nested: the house stands in the yard.
+        let inside = why("<> house && (!yard U goal) && [] !wall");
+        assert_eq!(inside.through, ["wall"], "{inside}");
+        let nested = why("!yard U (yard && house)");
+        assert_eq!(nested.through, ["yard"], "{nested}");
+        // In the right order all is well.
+        for task in ["<> goal && (!wall U house)", "<> wall && [] !goal"] {
+            ring(task, sampler).unwrap();
+        }
+        // Between two regions that do not touch there is always something else.
+        let apart = why("<> (goal && (goal U yard))");
+        assert!(apart.through.is_empty(), "{apart}");
+        assert!(apart.to_string().contains("orders of visits"), "{apart}");
+    }
+}
+
 #[test]
 fn a_spent_budget_tells_how_far_the_automaton_got() {
     match failure("<> (a && <> (b && <> a))", SamplerChoice::Uniform, 1) {

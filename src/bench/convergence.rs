@@ -10,7 +10,8 @@ use serde::Serialize;
 use super::stats::{Ratio, mean};
 use super::{BenchError, Case, Strategy, sampler};
 use crate::exact;
-use crate::planner::{Improvement, PlanError, Settings, Stop, plan};
+use crate::planner::{Improvement, PlanError, Problem, Settings, Solution, Stop, plan};
+use crate::verify::verify;
 
 /// A moment of a search at which its best plan is looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -57,6 +58,10 @@ pub struct Reference {
     pub seconds: f64,
     /// Seconds that the lower bound took.
     pub bound_seconds: f64,
+    /// What every plan costs at least, as soon as that can be said.
+    pub quick: f64,
+    /// Seconds that took.
+    pub quick_seconds: f64,
 }
 
 /// How near to the exact planner's plan counts as there.
@@ -80,6 +85,9 @@ pub struct Descent {
     pub seconds: f64,
     /// Seconds of encoding and inference before it, for the guided strategy.
     pub inference_seconds: f64,
+    /// Whether the checker accepted the last plan; `None` without a plan, or without a formula to
+    /// check it by.
+    pub verified: Option<bool>,
 }
 
 /// Costs over time of samplers, with bounds on the optimum.
@@ -150,12 +158,17 @@ fn reference(case: &Case, bounds: bool) -> Option<Reference> {
     let upper = plan.cost.total;
     let (start, task, weight) = (problem.start.at, &problem.task, problem.weight);
     let lower = bounds.then(|| exact::lower_bound(map, start, task, weight, upper));
+    let bound_seconds = began.elapsed().as_secs_f64();
+    let began = Instant::now();
+    let quick = exact::quick_bound(map, start, task, weight, upper);
     Some(Reference {
         case: case.name.clone(),
         upper,
         lower,
         seconds,
-        bound_seconds: began.elapsed().as_secs_f64(),
+        bound_seconds,
+        quick,
+        quick_seconds: began.elapsed().as_secs_f64(),
     })
 }
 
@@ -171,8 +184,12 @@ fn descend(
         return Ok(None);
     };
     let found = plan(&case.problem, &sampler, settings, stop, &mut |_| {});
+    let mut verified = None;
     let stats = match found {
-        Ok(solution) => solution.stats,
+        Ok(solution) => {
+            verified = check(&case.problem, &solution);
+            solution.stats
+        }
         Err(PlanError::NotFound(why)) => why.stats,
         Err(source) => {
             return Err(BenchError::Plan {
@@ -196,7 +213,16 @@ fn descend(
             Strategy::Guided => case.inference_seconds,
             _ => 0.0,
         },
+        verified,
     }))
+}
+
+/// Whether the checker accepts a plan.
+fn check(problem: &Problem, found: &Solution) -> Option<bool> {
+    let (map, formula) = (problem.system.plane()?, problem.task.formula.as_ref()?);
+    let (start, weight) = (problem.start.at, problem.weight);
+    let judged = verify(map, start, formula, &found.path, weight, Some(&found.cost));
+    Some(judged.is_ok())
 }
 
 /// What a search took to come near the exact planner's plan.
@@ -235,31 +261,45 @@ impl Convergence {
     /// The tables as Markdown.
     #[must_use]
     pub fn to_markdown(&self) -> String {
-        let bounds: Vec<f64> = self
-            .references
-            .iter()
-            .filter_map(|r| Some(gap(r.upper, r.lower?)))
-            .collect();
-        let of = |value: fn(&Reference) -> f64| -> Vec<f64> {
-            self.references.iter().map(value).collect()
+        let all = &self.references;
+        let of = |value: fn(&Reference) -> f64| all.iter().map(value).collect::<Vec<f64>>();
+        let gaps = |lower: fn(&Reference) -> Option<f64>| {
+            let gaps: Vec<f64> = all
+                .iter()
+                .filter_map(|r| Some(gap(r.upper, lower(r)?)))
+                .collect();
+            let largest = gaps.iter().copied().fold(0.0, f64::max);
+            let [largest, middle, mean] = [largest, quantile(&gaps, 0.5), mean(&gaps)].map(percent);
+            format!("{largest} more than the optimum (mean {mean}, median {middle})")
+        };
+        let time = |seconds: Vec<f64>| {
+            let [mean, middle] = [mean(&seconds), quantile(&seconds, 0.5)].map(|s| 1e3 * s);
+            format!("{mean:.1} ms on average (median {middle:.1} ms)")
         };
         let mut text = format!(
-            "{} missions that the exact planner solves, in {:.1} ms on average.",
-            self.references.len(),
-            1e3 * mean(&of(|r| r.seconds)),
+            "{} missions that the exact planner solves. Its plans take {}. They cost at most {} by lower \
+             bounds without refinement, which take {}",
+            all.len(),
+            time(of(|r| r.seconds)),
+            gaps(|r| Some(r.quick)),
+            time(of(|r| r.quick_seconds)),
         );
-        if !bounds.is_empty() {
+        if all.iter().any(|r| r.lower.is_some()) {
             let _ = write!(
                 text,
-                " Its plans cost at most {} more than the optimum by the lower bounds (mean {}, median {}), which take \
-                 {:.1} ms on average.",
-                percent(bounds.iter().copied().fold(0.0, f64::max)),
-                percent(mean(&bounds)),
-                percent(quantile(&bounds, 0.5)),
-                1e3 * mean(&of(|r| r.bound_seconds)),
+                "; by refined ones at most {}, which take {}",
+                gaps(|r| r.lower),
+                time(of(|r| r.bound_seconds)),
             );
         }
-        text.push_str("\n\n");
+        let refused = self.descents.iter().filter(|d| d.verified == Some(false));
+        let checked = self.descents.iter().filter(|d| d.verified.is_some());
+        let _ = writeln!(
+            text,
+            ".\n\nThe checker refused {} of {} plans that the samplers ended with.\n",
+            refused.count(),
+            checked.count()
+        );
         text.push_str(
             "Gap of each sampler's best plan to the exact planner's (negative: better).\n\n",
         );

@@ -119,7 +119,12 @@ impl From<MissionError> for Failure {
         let message = e.to_string();
         match e {
             MissionError::Unreachable(why) => {
-                Self::negative("unreachable", message).with_details(json!({ "places": why.places }))
+                let details = json!({
+                    "places": why.places,
+                    "through": why.through,
+                    "beyond": why.beyond,
+                });
+                Self::negative("unreachable", message).with_details(details)
             }
             MissionError::NotOnThisMap(why) => Self::negative("not-on-this-map", message)
                 .with_details(json!({ "facts": why.facts })),

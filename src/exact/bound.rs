@@ -1,5 +1,4 @@
-//! A certified lower bound on the cost of every plan of a mission whose suffix begins where the automaton
-//! accepts, as the papers' plans do.
+//! A certified lower bound on the cost of every plan of a mission, wherever its suffix is entered.
 //!
 //! # The bound
 //! Where the letter changes, a path crosses the border of a region that the task speaks of. Those borders
@@ -16,34 +15,35 @@
 //! What such a leg may do besides, how the next one continues it (at another point of the gate, at no
 //! cost), is a relaxation. So the shortest path in the product of gates and automaton bounds every
 //! prefix, and shortest cycles bound every suffix: a suffix that moves and never changes the letter could
-//! stay instead, and any other one leaves the letter L in which it begins, with accepting state f, by
+//! stay instead, and any other one leaves the letter L in which it passes an accepting state f by
 //! some gate h and comes back into L by some gate g; on the way between them it spends at least the leg
-//! from g to h. The prefix is at least as long as the cheapest way into L from which f can be reached.
-//! More than that, where the suffix begins at x, with e(z) the least length of a prefix that comes into
-//! L and goes on in it to gate z, the prefix P and the parts t from x to h and u from g to x obey
-//! P ≥ e(h) − t and P ≥ e(g) − u. So P ≥ (e(g) + e(h) − (t + u)) / 2, where t + u is the length c of the leg
-//! from g to h or more; and if it is more, by s, the suffix costs (1 − λ)·s more and the prefix at most
-//! λ·s/2 less: for λ ≤ 2/3 the total is least at t + u = c.
+//! from g to h. On one of these legs the prefix enters, and what leg and prefix cost together at least is
+//! said in [`entrances`]. All such cycles are searched with their entries ([`solve`]).
 //!
 //! # Convex regions
 //! Gates that share an end are no distance apart, so a path that crossed one border in and out again and
 //! again could creep along it for nothing. Such paths are not needed. Where a convex region that
 //! nothing touches is left and entered again before any other, the way back can be taken inside, along
 //! the chord, and the letters that the border's crossings gave can be read where the region was first
-//! entered (or, if the path or the suffix begins inside, where it is last left), at no length, in the same
+//! entered (or, if the path begins inside, where it is last left), at no length, in the same
 //! order. So a region that is left is entered again through the same gate only, and once it was crossed
-//! from one gate to another, not before another region.
+//! from one gate to another, not before another region. This holds for the three parts of a plan, each by
+//! itself: the prefix, the suffix from its entry to the accepting state, and from there back. So the leg
+//! on which a suffix is entered, and the one that passes the accepting state, may do as they like.
 //!
 //! # Refinement
-//! Gates through which no plan cheaper than the one that is known can lead are dropped, the others are
-//! halved, and again (branch and bound). The result is never above the known plan's cost.
+//! Gates through which no plan cheaper than the one that is known can lead are dropped, those through which
+//! the plans lead that hold the bound down are halved, and again (branch and bound). The result is never
+//! above the known plan's cost.
 //!
 //! # Degenerate maps
-//! Where regions of the task touch or overlap each other or obstacles, regions are not avoided and a gate
-//! may lead from any letter to any other, since a path can pass where two borders cross. The bound
-//! holds then, too, but is weaker.
+//! A region that touches another of the task or an obstacle is not avoided, since a path can pass between
+//! them, nor are its ways back cut short. On a piece where other regions' borders run, too, the letter may
+//! change by any of these. The bound holds then, too, but is weaker.
 
+mod entrances;
 mod product;
+mod solve;
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -60,8 +60,12 @@ use crate::workspace::visibility::{PathsTo, VisibilityGraph};
 use crate::workspace::{Polygon, Side, Workspace};
 
 /// Rounds of refinement, and the number of legs in the product beyond which no further one begins.
-const ROUNDS: usize = 14;
-const MAX_LEGS: usize = 600_000;
+const ROUNDS: usize = 24;
+const MAX_LEGS: usize = 60_000;
+
+/// Gates are halved in a round if a plan may lead through them that costs no more than the bound and
+/// this share of what is left between it and the known plan.
+const CRITICAL: f64 = 0.2;
 
 /// The share of the known plan's cost that the bound need not resolve.
 const PRECISION: f64 = 1e-4;
@@ -70,7 +74,7 @@ const PRECISION: f64 = 1e-4;
 /// longer side; the bound is lowered by it.
 const RESOLUTION: f64 = 1e-6;
 
-/// What every plan of the mission costs at least whose suffix begins in an accepting state; `upper` is the cost of a known one (or infinite), and
+/// What every plan of the mission costs at least; `upper` is the cost of a known one (or infinite), and
 /// what is returned is at most that. `weight` is the prefix's share λ of the cost.
 #[must_use]
 pub fn lower_bound(
@@ -80,6 +84,29 @@ pub fn lower_bound(
     weight: f64,
     upper: f64,
 ) -> f64 {
+    bound(workspace, start, task, weight, upper, ROUNDS)
+}
+
+/// As [`lower_bound`], without refinement: found in a few milliseconds, and often far too low.
+#[must_use]
+pub fn quick_bound(
+    workspace: &Workspace,
+    start: Point2<f64>,
+    task: &Task,
+    weight: f64,
+    upper: f64,
+) -> f64 {
+    bound(workspace, start, task, weight, upper, 1)
+}
+
+fn bound(
+    workspace: &Workspace,
+    start: Point2<f64>,
+    task: &Task,
+    weight: f64,
+    upper: f64,
+    rounds: usize,
+) -> f64 {
     let Some(mut gates) = Gates::new(workspace, start, task) else {
         return 0.0;
     };
@@ -87,18 +114,28 @@ pub fn lower_bound(
     let cut = upper * (1.0 - PRECISION);
     let mut best: f64 = 0.0;
     let mut product = Product::new(&gates, task, weight);
-    for _ in 0..ROUNDS {
-        let solved = product.solve(&gates, cut);
-        product.prune(&solved, cut);
+    for round in 1..=rounds {
+        let useful = product.useful_legs(&product.solve(&gates, cut), cut);
+        product.keep_legs(&useful);
         product.lengthen(&mut gates);
         let solved = product.solve(&gates, cut);
-        product.prune(&solved, cut);
-        best = best.max(product.bound(&gates, &solved, cut));
-        if best >= cut || 4 * product.legs.len() > MAX_LEGS {
+        best = best.max(product.bound(&solved, cut));
+        log::debug!(
+            "bound: {best} after round {round}, {} legs",
+            product.legs.len()
+        );
+        if best >= cut || round == rounds {
             break;
         }
-        let keep = product.useful_nodes(&solved, cut);
-        product.halve(&mut gates, &keep);
+        let legs = product.useful_legs(&solved, cut);
+        let nodes = product.useful_nodes(&solved, cut);
+        let critical = product.useful_nodes(&solved, best + CRITICAL * (cut - best));
+        drop(solved);
+        product.keep_legs(&legs);
+        if product.legs.len() > MAX_LEGS {
+            break;
+        }
+        product.halve(&mut gates, &nodes, &critical);
     }
     (best - RESOLUTION * workspace.bounds().side()).max(0.0)
 }
@@ -109,6 +146,10 @@ struct Gate {
     a: Point2<f64>,
     b: Point2<f64>,
     region: usize,
+    /// The regions whose borders run here, its own among them, as bits.
+    borders: u64,
+    /// The other regions that it lies in.
+    inside: u64,
     /// Whether no obstacle covers part of it, so that its points can be reached from its middle.
     free: bool,
 }
@@ -129,7 +170,8 @@ struct Gates {
     /// Letters by the regions of the task in them, and one letter of the map for each.
     letters: Vec<(Props, Letter)>,
     start_letter: usize,
-    apart: bool,
+    /// The regions of the task, with their numbers.
+    regions: Vec<(usize, Polygon)>,
     /// By number, which of the map's regions are convex and apart from all else.
     convex: Vec<bool>,
     /// For each letter the space in which legs with it run.
@@ -157,62 +199,92 @@ impl Gates {
             .map(|i| (i, &workspace.regions()[i].polygon))
             .collect();
         let margin = 16.0 * workspace.tolerance();
-        let all = regions.iter().map(|r| r.1).chain(workspace.obstacles());
-        let all: Vec<&Polygon> = all.collect();
-        let apart = (0..regions.len())
-            .all(|i| (i + 1..all.len()).all(|j| are_apart(all[i], all[j], margin)));
+        let is_apart = |i: usize| {
+            let others = regions.iter().filter(|r| r.0 != i).map(|r| r.1);
+            let mine = &workspace.regions()[i].polygon;
+            let mut others = others.chain(workspace.obstacles());
+            others.all(|other| are_apart(mine, other, margin))
+        };
+        let apart: Vec<bool> = (0..workspace.regions().len())
+            .map(|i| used.contains(i) && is_apart(i))
+            .collect();
+        let avoided = regions.iter().filter(|r| apart[r.0]).copied();
+        let avoided: Vec<(usize, &Polygon)> = avoided.collect();
         let spaces = letters
             .iter()
-            .map(|(props, _)| space(workspace, &regions, *props, apart))
+            .map(|(props, _)| space(workspace, &avoided, *props))
             .collect();
         let origin = Gate {
             a: start,
             b: start,
             region: usize::MAX,
+            borders: 0,
+            inside: 0,
             free: true,
         };
-        let mut gates = vec![origin];
-        for &(region, polygon) in &regions {
-            gates.extend(polygon.edges().map(|(a, b)| Gate {
-                a,
-                b,
-                region,
-                free: workspace.is_free_segment(a, b),
-            }));
-        }
-        Some(Self {
-            gates,
+        let mut all = Self {
+            gates: vec![origin],
             letters,
             start_letter,
-            apart,
+            regions: regions.iter().map(|r| (r.0, r.1.clone())).collect(),
             convex: workspace
                 .regions()
                 .iter()
-                .map(|r| apart && is_convex(&r.polygon))
+                .zip(&apart)
+                .map(|(r, apart)| *apart && is_convex(&r.polygon))
                 .collect(),
             spaces,
             paths: HashMap::new(),
             legs: HashMap::new(),
             workspace: workspace.clone(),
-        })
+        };
+        for &(region, polygon) in &regions {
+            for (a, b) in polygon.edges() {
+                let gate = all.gate(a, b, region, workspace.is_free_segment(a, b));
+                all.gates.push(gate);
+            }
+        }
+        Some(all)
+    }
+
+    /// A piece of a region's border.
+    fn gate(&self, a: Point2<f64>, b: Point2<f64>, region: usize, free: bool) -> Gate {
+        let margin = 16.0 * self.workspace.tolerance();
+        let middle = nalgebra::center(&a, &b);
+        let (mut borders, mut inside) = (1 << region, 0);
+        for (i, polygon) in self.regions.iter().filter(|r| r.0 != region) {
+            let meets = |e| segment_distance((a, b), e) <= margin;
+            if polygon.edges().any(meets) {
+                borders |= 1 << i;
+            } else if polygon.side_of(middle, margin) == Side::Inside {
+                inside |= 1 << i;
+            }
+        }
+        Gate {
+            a,
+            b,
+            region,
+            borders,
+            inside,
+            free,
+        }
     }
 
     /// The letters that a path may come from and go on with at a gate.
     fn crossings(&self, gate: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
-        let region = self.gates[gate].region;
         let n = self.letters.len();
         let pairs = (0..n).flat_map(move |from| (0..n).map(move |to| (from, to)));
-        pairs.filter(move |&(from, to)| gate != 0 && self.crosses(region, from, to))
+        pairs.filter(move |&(from, to)| gate != 0 && self.crosses(gate, from, to))
     }
 
-    /// Whether the letter can change like this on the border of a region.
-    fn crosses(&self, region: usize, from: usize, to: usize) -> bool {
-        let change = self.letters[from].0.0 ^ self.letters[to].0.0;
-        if self.apart {
-            change == 1 << region
-        } else {
-            change != 0
-        }
+    /// Whether the letter can change like this at a gate: by the regions whose borders run there.
+    fn crosses(&self, gate: usize, from: usize, to: usize) -> bool {
+        let Gate {
+            borders, inside, ..
+        } = self.gates[gate];
+        let (before, after) = (self.letters[from].0.0, self.letters[to].0.0);
+        let change = before ^ after;
+        change != 0 && change & !borders == 0 && before & !borders == inside
     }
 
     /// Whether a shortest path may go on from a node to a gate, and whether it has then crossed a convex
@@ -266,22 +338,23 @@ impl Gates {
         }
     }
 
-    /// Halves the gates that are to be kept and drops the others. Returns for each the numbers of its
-    /// halves.
-    fn halve(&mut self, keep: &[bool]) -> Vec<Vec<usize>> {
+    /// Drops the gates that are not to be kept and halves some of the others. Returns for each the numbers
+    /// of its parts.
+    fn halve(&mut self, keep: &[bool], split: &[bool]) -> Vec<Vec<usize>> {
         let mut next = vec![self.gates[0]];
         let mut halves = vec![vec![0]];
-        for (gate, keep) in self.gates.iter().zip(keep).skip(1) {
+        for (i, gate) in self.gates.iter().enumerate().skip(1) {
             let middle = gate.middle();
             let mut mine = Vec::new();
-            for (a, b) in [(gate.a, middle), (middle, gate.b)] {
-                if *keep {
+            let parts = [(gate.a, middle), (middle, gate.b)];
+            let whole = [(gate.a, gate.b)];
+            for &(a, b) in if split[i] { &parts[..] } else { &whole } {
+                if keep[i] {
                     mine.push(next.len());
-                    next.push(Gate {
-                        a,
-                        b,
-                        region: gate.region,
-                        free: gate.free || self.workspace.is_free_segment(a, b),
+                    let free = gate.free || split[i] && self.workspace.is_free_segment(a, b);
+                    next.push(match split[i] {
+                        true => self.gate(a, b, gate.region, free),
+                        false => *gate,
                     });
                 }
             }
@@ -300,18 +373,15 @@ fn key(m: Point2<f64>, n: Point2<f64>) -> ([u64; 4], Point2<f64>, Point2<f64>) {
     ([a, b, c, d], low, high)
 }
 
-/// The space of legs with a letter: the map with the regions that the letter lacks as obstacles.
+/// The space of legs with a letter: the map with those of the given regions that it lacks as obstacles.
 fn space(
     workspace: &Workspace,
     regions: &[(usize, &Polygon)],
     props: Props,
-    apart: bool,
 ) -> Option<VisibilityGraph> {
     let mut obstacles = workspace.obstacles().to_vec();
-    if apart {
-        let lacking = regions.iter().filter(|(i, _)| !props.contains(*i));
-        obstacles.extend(lacking.map(|(_, polygon)| (*polygon).clone()));
-    }
+    let lacking = regions.iter().filter(|(i, _)| !props.contains(*i));
+    obstacles.extend(lacking.map(|(_, polygon)| (*polygon).clone()));
     let map = Workspace::new(workspace.bounds(), obstacles, Vec::new()).ok()?;
     Some(VisibilityGraph::new(Arc::new(map)))
 }

@@ -8,6 +8,7 @@ use super::words::{Relations, WordId, Words};
 use super::{ExactPlan, Infeasible};
 use crate::alphabet::Letter;
 use crate::automaton::Task;
+use crate::plan::{Cost, Path};
 use crate::shorten::{Chain, Shortener, used_regions};
 
 /// A roadmap seen by one mission. Node number `roadmap.nodes.len()` is the start.
@@ -19,6 +20,8 @@ pub(super) struct Mission<'a> {
     pub(super) start: Point2<f64>,
     start_letter: Letter,
     start_edges: Vec<Edge>,
+    /// For each node its segment to the start, if there is one: a suffix may pass there.
+    home_edges: Vec<Option<Edge>>,
     /// Which nodes the mission may bend at.
     active: Vec<bool>,
     pub(super) relations: Relations,
@@ -48,6 +51,16 @@ impl<'a> Mission<'a> {
         let mut words = roadmap.words.clone();
         let mut start_edges = roadmap.edges_from(start, &mut words);
         start_edges.retain(|e| active[e.to as usize]);
+        let start_node = roadmap.nodes.len() as u32;
+        let mut home_edges = vec![None; roadmap.nodes.len()];
+        for e in &start_edges {
+            home_edges[e.to as usize] = Some(Edge {
+                to: start_node,
+                length: e.length,
+                word: e.back,
+                back: e.word,
+            });
+        }
         let mut mission = Self {
             roadmap,
             task,
@@ -55,6 +68,7 @@ impl<'a> Mission<'a> {
             start,
             start_letter,
             start_edges,
+            home_edges,
             active,
             relations: Relations::new(&task.nba),
         };
@@ -62,24 +76,29 @@ impl<'a> Mission<'a> {
         Ok(mission)
     }
 
+    /// The best plan: each of the best on the roadmap is refined.
     pub(super) fn plan(&self) -> Result<ExactPlan, Infeasible> {
-        let found = self.search()?;
-        let rough = self.chain(&found);
-        let mut refined = rough.clone();
         let (map, config) = (self.roadmap.workspace, &self.roadmap.config);
         let shortener = Shortener::with_inset(map, self.task, self.weight, config.refined_inset);
-        shortener.refine(&mut refined, self.roadmap.config.sweeps);
-        let plans = [refined, rough];
-        plans
-            .iter()
-            .enumerate()
-            .filter_map(|(i, chain)| Some((i, shortener.realise(chain)?)))
+        let mut best: Option<(Path, Cost)> = None;
+        let mut keep = |plan: (Path, Cost)| {
+            if best.as_ref().is_none_or(|b| plan.1.total < b.1.total) {
+                best = Some(plan);
+            }
+        };
+        for found in self.search()? {
+            let mut chain = self.chain(&found);
             // What the roadmap gives stands on its own.
-            .filter(|(i, (path, _))| *i == 1 || shortener.is_firm_path(path))
-            .map(|(_, plan)| plan)
-            .min_by(|a, b| a.1.total.total_cmp(&b.1.total))
-            .map(|(path, cost)| ExactPlan::new(path, cost))
-            .ok_or(Infeasible::Stutter)
+            shortener.realise(&chain).into_iter().for_each(&mut keep);
+            shortener.improve(&mut chain, config.sweeps);
+            let refined = shortener.realise(&chain);
+            refined
+                .filter(|(path, _)| shortener.is_firm_path(path))
+                .into_iter()
+                .for_each(&mut keep);
+        }
+        let (path, cost) = best.ok_or(Infeasible::Stutter)?;
+        Ok(ExactPlan::new(path, cost))
     }
 
     fn chain(&self, found: &Found) -> Chain {
@@ -128,7 +147,11 @@ impl<'a> Mission<'a> {
             Some(row) => row,
             None => &self.start_edges,
         };
-        row.iter().filter(|e| self.active[e.to as usize])
+        let home = self.home_edges.get(node as usize).and_then(Option::as_ref);
+        let home = home.filter(|_| self.active[node as usize]);
+        row.iter()
+            .filter(|e| self.active[e.to as usize])
+            .chain(home)
     }
 
     pub(super) fn is_active(&self, node: u32) -> bool {

@@ -4,13 +4,15 @@
 //! Shortest prefix-suffix paths bend at corners of obstacles, at corners of regions that they must
 //! avoid, and where they touch the border of a region that they visit. The [`Roadmap`] holds such
 //! points (the border points are sampled), joined by every free straight segment together with
-//! the letters along it. The search is optimal on the roadmap; [local refinement](crate::shorten)
-//! then slides the waypoints, which removes most of what sampling the borders costs.
+//! the letters along it. A suffix may be entered anywhere on it, not only where the automaton accepts. The
+//! search is optimal on the roadmap; [local refinement](crate::shorten) then slides the waypoints, the
+//! entry among them, which removes most of what sampling the borders costs.
 //!
 //! The planner is deterministic and knows nothing of sampling-based planners, which never ask it:
 //! it stands on its own, as the expert that labels training data and as a reference for costs.
 
 mod bound;
+mod cycles;
 mod mission;
 mod roadmap;
 mod search;
@@ -23,7 +25,7 @@ use crate::plan::{Cost, Path};
 use crate::shorten::used_regions;
 use crate::workspace::Workspace;
 
-pub use bound::lower_bound;
+pub use bound::{lower_bound, quick_bound};
 pub use roadmap::Roadmap;
 
 /// Settings of the exact planner.

@@ -1,28 +1,90 @@
 //! Shortest prefixes and suffixes in the product of roadmap and automaton.
 //!
-//! Dijkstra's algorithm meets accepting product states in the order of their prefix cost. Each
-//! is closed to a suffix at once: where the robot may stay there, at no cost; otherwise by an A*
-//! search for the shortest cycle, cut off at what would not beat the best plan so far. The A*
-//! search is guided by the distance back in a straight line and by the distance in the product to
-//! *any* accepting state of the same number, which one backward search gives for all of them.
+//! Dijkstra's algorithm from the start meets accepting product states in the order of the way there. Each
+//! is closed to a cycle at once ([`Cycles`]): where the robot may stay there, at no cost; otherwise by a
+//! search for the cycle through it that costs least together with the way to its cheapest entry. The way
+//! to the accepting state consists of a way to the entry and a part of the cycle, which ends the search.
 
 use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::BinaryHeap;
 
 use super::Infeasible;
+use super::cycles::Cycles;
 use super::mission::Mission;
 
-/// The best plan on the roadmap, as nodes.
+/// Neither prefix nor suffix counts as less than this share: among plans of equal cost the shorter ones
+/// are wanted, and they end the search.
+const MIN_SHARE: f64 = 1e-3;
+
+/// Plans that cost no more than this share above the best are refined, too: where a suffix is best entered in
+/// the middle of a leg, the roadmap does not know of it.
+const SLACK: f64 = 0.03;
+
+/// So many plans at most.
+const CANDIDATES: usize = 4;
+
+/// A plan on the roadmap, as nodes.
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Found {
-    /// From the start to where the suffix begins.
+    /// From the start to where the suffix is entered.
     pub(super) prefix: Vec<u32>,
     /// The nodes after that one, without coming back to it; `None` if the robot stays.
     pub(super) suffix: Option<Vec<u32>>,
 }
 
+impl Found {
+    /// Whether another plan has the same suffix, wherever it is entered.
+    fn has_suffix_of(&self, other: &Self) -> bool {
+        let (Some(mine), Some(theirs)) = (&self.suffix, &other.suffix) else {
+            return false;
+        };
+        let round = |f: &Self, rest: &[u32]| -> Vec<u32> {
+            f.prefix.last().into_iter().chain(rest).copied().collect()
+        };
+        let (mine, theirs) = (round(self, mine), round(other, theirs));
+        let n = mine.len();
+        n == theirs.len() && (0..n).any(|k| (0..n).all(|i| mine[i] == theirs[(i + k) % n]))
+    }
+}
+
+/// The cheapest plans so far.
+#[derive(Default)]
+struct Best {
+    /// With their costs, ascending.
+    plans: Vec<(f64, Found)>,
+}
+
+impl Best {
+    /// What costs as much is not wanted any more.
+    fn limit(&self) -> f64 {
+        match &self.plans[..] {
+            [] => f64::INFINITY,
+            // Of two plans in which the robot stays the refined one is shorter that was before.
+            [(best, found), ..] if found.suffix.is_none() => *best,
+            [(best, _), ..] => best * (1.0 + SLACK),
+        }
+    }
+
+    fn add(&mut self, total: f64, found: Found) {
+        if total >= self.limit() {
+            return;
+        }
+        let twin = |p: &&mut (f64, Found)| p.1.has_suffix_of(&found);
+        match self.plans.iter_mut().find(twin) {
+            Some(twin) if twin.0 <= total => return,
+            Some(twin) => *twin = (total, found),
+            None => self.plans.push((total, found)),
+        }
+        self.plans.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let limit = self.limit();
+        self.plans.retain(|p| p.0 <= limit);
+        self.plans.truncate(CANDIDATES);
+    }
+}
+
 /// An entry of a queue: ordered by priority, then by number.
 #[derive(PartialEq)]
-struct Entry(f64, u32);
+pub(super) struct Entry(pub(super) f64, pub(super) u32);
 
 impl Eq for Entry {}
 
@@ -39,15 +101,15 @@ impl PartialOrd for Entry {
 }
 
 /// Costs and parents of a search over product states, emptied in constant time.
-struct Labels {
+pub(super) struct Labels {
     cost: Vec<f64>,
-    parent: Vec<u32>,
+    pub(super) parent: Vec<u32>,
     stamp: Vec<u32>,
     now: u32,
 }
 
 impl Labels {
-    fn new(size: usize) -> Self {
+    pub(super) fn new(size: usize) -> Self {
         Self {
             cost: vec![f64::INFINITY; size],
             parent: vec![u32::MAX; size],
@@ -56,11 +118,11 @@ impl Labels {
         }
     }
 
-    fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.now += 1;
     }
 
-    fn cost(&self, s: u32) -> f64 {
+    pub(super) fn cost(&self, s: u32) -> f64 {
         if self.stamp[s as usize] == self.now {
             self.cost[s as usize]
         } else {
@@ -69,7 +131,7 @@ impl Labels {
     }
 
     /// Takes the label if it is better than the one there.
-    fn improve(&mut self, s: u32, cost: f64, parent: u32) -> bool {
+    pub(super) fn improve(&mut self, s: u32, cost: f64, parent: u32) -> bool {
         let better = cost < self.cost(s);
         if better {
             self.stamp[s as usize] = self.now;
@@ -79,10 +141,10 @@ impl Labels {
         better
     }
 
-    /// The states from a root (its own or no parent) to `s`, both included.
-    fn path_to(&self, mut s: u32, root: u32) -> Vec<u32> {
+    /// The states from where the search began to `s`, both included.
+    pub(super) fn path_to(&self, mut s: u32) -> Vec<u32> {
         let mut path = vec![s];
-        while s != root && self.parent[s as usize] != u32::MAX {
+        while self.parent[s as usize] != u32::MAX {
             s = self.parent[s as usize];
             path.push(s);
         }
@@ -92,21 +154,21 @@ impl Labels {
 }
 
 impl Mission<'_> {
-    fn states(&self) -> u32 {
+    pub(super) fn states(&self) -> u32 {
         self.task.nba.len() as u32
     }
 
-    fn product_size(&self) -> usize {
+    pub(super) fn product_size(&self) -> usize {
         (self.start_node() as usize + 1) * self.task.nba.len()
     }
 
-    fn split(&self, s: u32) -> (u32, u32) {
+    pub(super) fn split(&self, s: u32) -> (u32, u32) {
         (s / self.states(), s % self.states())
     }
 
     /// Calls `visit(next, length)` for every step that leaves product state `s`: waiting, which
     /// reads the letter once more, and driving along a segment.
-    fn each_step(&self, s: u32, mut visit: impl FnMut(u32, f64)) {
+    pub(super) fn each_step(&self, s: u32, mut visit: impl FnMut(u32, f64)) {
         let (node, state) = self.split(s);
         for &q in self.relations.once(self.letter(node), state) {
             visit(node * self.states() + q, 0.0);
@@ -120,8 +182,16 @@ impl Mission<'_> {
         }
     }
 
-    /// The best plan on the roadmap.
-    pub(super) fn search(&self) -> Result<Found, Infeasible> {
+    /// What a unit of prefix and of suffix cost in the search.
+    pub(super) fn shares(&self) -> (f64, f64) {
+        (
+            self.weight.max(MIN_SHARE),
+            (1.0 - self.weight).max(MIN_SHARE),
+        )
+    }
+
+    /// The best plans on the roadmap, the cheapest first.
+    pub(super) fn search(&self) -> Result<Vec<Found>, Infeasible> {
         let mut accepting = vec![false; self.task.nba.len()];
         for q in &self.task.feasible {
             accepting[q.index()] = true;
@@ -133,25 +203,25 @@ impl Mission<'_> {
             labels.improve(s, 0.0, u32::MAX);
             queue.push(Reverse(Entry(0.0, s)));
         }
+        let (before, after) = self.shares();
         let mut cycles = Cycles::new(self);
-        let mut best: Option<(f64, Found)> = None;
+        let mut best = Best::default();
         let mut goals = 0;
         while let Some(Reverse(Entry(cost, s))) = queue.pop() {
             if cost > labels.cost(s) {
                 continue;
             }
-            let bound = best.as_ref().map_or(f64::INFINITY, |b| b.0);
-            if self.weight * cost >= bound {
+            if before.min(after) * cost >= best.limit() {
                 break;
             }
             if accepting[self.split(s).1 as usize] {
                 goals += 1;
-                if let Some((length, suffix)) = cycles.close(s, self.weight * cost, bound) {
-                    let total = self.weight * cost + (1.0 - self.weight) * length;
-                    if total < bound {
-                        let prefix = self.nodes_of(&labels.path_to(s, u32::MAX));
-                        best = Some((total, Found { prefix, suffix }));
-                    }
+                if self.stays(s) {
+                    let prefix = self.nodes_of(&labels.path_to(s));
+                    let suffix = None;
+                    best.add(before * cost, Found { prefix, suffix });
+                } else if let Some((total, found)) = cycles.close(s, &labels, best.limit()) {
+                    best.add(total, found);
                 }
             }
             self.each_step(s, |next, length| {
@@ -160,15 +230,25 @@ impl Mission<'_> {
                 }
             });
         }
-        match best {
-            Some((_, found)) => Ok(found),
-            None if goals == 0 => Err(Infeasible::NoPrefix),
-            None => Err(Infeasible::NoSuffix),
+        if goals == 0 {
+            return Err(Infeasible::NoPrefix);
+        }
+        let found: Vec<Found> = best.plans.into_iter().map(|(_, f)| f).collect();
+        match found.is_empty() {
+            true => Err(Infeasible::NoSuffix),
+            false => Ok(found),
         }
     }
 
+    /// Whether the robot can stay at an accepting product state for ever.
+    fn stays(&self, s: u32) -> bool {
+        let (node, state) = self.split(s);
+        let reads = self.relations.often(self.letter(node), state);
+        reads.contains(&state)
+    }
+
     /// The nodes that product states stand on, without waiting.
-    fn nodes_of(&self, states: &[u32]) -> Vec<u32> {
+    pub(super) fn nodes_of(&self, states: &[u32]) -> Vec<u32> {
         let mut nodes: Vec<u32> = states.iter().map(|&s| self.split(s).0).collect();
         nodes.dedup();
         nodes
@@ -176,7 +256,7 @@ impl Mission<'_> {
 
     /// For every product state, the length of the shortest way to some product state with
     /// automaton state `goal`.
-    fn lengths_to(&self, goal: u32) -> Vec<f64> {
+    pub(super) fn lengths_to(&self, goal: u32) -> Vec<f64> {
         let mut labels = Labels::new(self.product_size());
         let mut queue = BinaryHeap::new();
         let backward: Vec<Vec<Vec<u32>>> = self
@@ -186,7 +266,7 @@ impl Mission<'_> {
             .letters()
             .map(|l| self.relations.backward_once(l))
             .collect();
-        for node in (0..self.start_node()).filter(|&n| self.is_active(n)) {
+        for node in (0..=self.start_node()).filter(|&n| self.is_active(n)) {
             let s = node * self.states() + goal;
             labels.improve(s, 0.0, u32::MAX);
             queue.push(Reverse(Entry(0.0, s)));
@@ -215,88 +295,5 @@ impl Mission<'_> {
         (0..labels.cost.len() as u32)
             .map(|s| labels.cost(s))
             .collect()
-    }
-}
-
-/// Searches for suffixes, with what they share.
-struct Cycles<'m, 'a> {
-    mission: &'m Mission<'a>,
-    labels: Labels,
-    to_go: HashMap<u32, Vec<f64>>,
-    searches_left: usize,
-}
-
-impl<'m, 'a> Cycles<'m, 'a> {
-    fn new(mission: &'m Mission<'a>) -> Self {
-        Self {
-            mission,
-            labels: Labels::new(mission.product_size()),
-            to_go: HashMap::new(),
-            searches_left: mission.roadmap.config.suffix_searches,
-        }
-    }
-
-    /// The shortest suffix from product state `goal` whose plan, with `prefix` the weighted cost
-    /// so far, costs less than `bound`: its length and its nodes.
-    fn close(&mut self, goal: u32, prefix: f64, bound: f64) -> Option<(f64, Option<Vec<u32>>)> {
-        let m = self.mission;
-        let (node, state) = m.split(goal);
-        if m.relations.often(m.letter(node), state).contains(&state) {
-            return Some((0.0, None));
-        }
-        if self.searches_left == 0 || node == m.start_node() {
-            return None;
-        }
-        let share = 1.0 - m.weight;
-        let limit = if share > 1e-9 {
-            (bound - prefix) / share
-        } else {
-            f64::INFINITY
-        };
-        let to_go = self
-            .to_go
-            .entry(state)
-            .or_insert_with(|| m.lengths_to(state));
-        let home = m.at(node);
-        let guess = |s: u32| (m.at(m.split(s).0) - home).norm().max(to_go[s as usize]);
-        self.labels.clear();
-        self.searches_left -= 1;
-        let mut queue = BinaryHeap::new();
-        let mut closing: Option<(f64, u32)> = None;
-        let mut expand = |labels: &mut Labels, queue: &mut BinaryHeap<_>, s: u32, cost: f64| {
-            m.each_step(s, |next, length| {
-                let through = cost + length;
-                if next == goal {
-                    if closing.is_none_or(|c| through < c.0) && through < limit {
-                        closing = Some((through, s));
-                    }
-                } else {
-                    let whole = through + guess(next);
-                    let cut = closing.map_or(limit, |c| c.0.min(limit));
-                    if whole < cut && labels.improve(next, through, s) {
-                        queue.push(Reverse(Entry(whole, next)));
-                    }
-                }
-            });
-            closing.map_or(limit, |c| c.0)
-        };
-        let mut cut = expand(&mut self.labels, &mut queue, goal, 0.0);
-        while let Some(Reverse(Entry(whole, s))) = queue.pop() {
-            if whole >= cut {
-                break;
-            }
-            let cost = self.labels.cost(s);
-            if whole > cost + guess(s) + 1e-12 {
-                continue; // an older, longer label
-            }
-            cut = expand(&mut self.labels, &mut queue, s, cost);
-        }
-        let (length, last) = closing?;
-        let mut nodes = m.nodes_of(&self.labels.path_to(last, goal));
-        nodes.remove(0);
-        while nodes.last() == Some(&node) {
-            nodes.pop();
-        }
-        Some((length, Some(nodes)))
     }
 }

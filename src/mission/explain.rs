@@ -1,5 +1,7 @@
 //! Why a mission has no plan: which facts of the map stand in the way.
 
+mod crossing;
+
 use std::fmt;
 use std::sync::Arc;
 
@@ -11,6 +13,8 @@ use crate::ltl::Formula;
 use crate::scenario::Scenario;
 use crate::system::{Continuous, TransitionSystem};
 use crate::workspace::{Enclosure, Workspace};
+
+use crossing::Crossing;
 
 /// Formulas over more regions than this are not explained in detail: there is an automaton to
 /// make for each fact, over all sets of the regions.
@@ -205,12 +209,17 @@ impl Facts {
     }
 }
 
-/// A mission that needs places which the robot cannot reach.
+/// A mission that needs places which the robot cannot reach, or cannot reach as the task wants.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("no plan exists: {}", self.reason())]
 pub struct Unreachable {
-    /// The places that would be needed, one entry for each set of regions.
+    /// The places that would be needed, one entry for each set of regions; empty if each of them can be
+    /// reached, but not without breaking the task.
     pub places: Vec<OutOfReach>,
+    /// Regions that would have to be crossed where the task does not allow it.
+    pub through: Vec<String>,
+    /// Regions that the task names and that can be reached only like that.
+    pub beyond: Vec<String>,
 }
 
 /// A set of regions that holds nowhere that the robot can reach.
@@ -244,7 +253,7 @@ impl Unreachable {
     pub fn find(scenario: &Scenario, task: &Task, system: &dyn TransitionSystem) -> Option<Self> {
         let reachable = system.reachable();
         if accepts(task, reachable) {
-            return None;
+            return Self::crossing(scenario, task, system);
         }
         let alphabet = &task.nba.alphabet;
         let beyond = alphabet.letters().filter(|&l| !reachable.contains(l));
@@ -273,10 +282,47 @@ impl Unreachable {
         };
         Some(Self {
             places: needed.into_iter().map(place).collect(),
+            through: Vec::new(),
+            beyond: Vec::new(),
         })
     }
 
+    /// Whether the mission is out of reach only for how the task wants it to be done.
+    fn crossing(scenario: &Scenario, task: &Task, system: &dyn TransitionSystem) -> Option<Self> {
+        let found = Crossing::find(&scenario.workspace, scenario.start, task, system)?;
+        let name = |&i: &usize| task.nba.alphabet.propositions()[i].clone();
+        Some(Self {
+            places: Vec::new(),
+            through: found.through.iter().map(name).collect(),
+            beyond: found.beyond.iter().map(name).collect(),
+        })
+    }
+
+    /// How it is not allowed to go where it can go.
+    fn crossing_reason(&self) -> String {
+        let quoted = |names: &[String]| {
+            let all: Vec<String> = names.iter().map(|n| format!("`{n}`")).collect();
+            join(&all)
+        };
+        let what = match &self.beyond[..] {
+            [] => "the task cannot be done".to_owned(),
+            beyond => format!("{} cannot be reached", quoted(beyond)),
+        };
+        match &self.through[..] {
+            [] => format!(
+                "{what} on this map: where its regions lie, none of the orders of visits that the task allows can be followed"
+            ),
+            through => format!(
+                "{what} without crossing {}, where the task does not allow it",
+                quoted(through)
+            ),
+        }
+    }
+
     fn reason(&self) -> String {
+        if self.places.is_empty() {
+            return self.crossing_reason();
+        }
         let place = |place: &OutOfReach| {
             let mut text = format!("{} cannot be reached from the start", place.letter);
             if let Some(first) = place.walls.first() {

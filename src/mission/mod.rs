@@ -258,7 +258,7 @@ pub fn problem(scenario: &Scenario, task: Arc<Task>) -> Result<Problem, MissionE
 }
 
 /// Ends at once where no search could succeed: with the letters of places that the robot cannot
-/// reach taken away, nothing is accepted.
+/// reach taken away nothing is accepted, or nothing along any way that the automaton admits.
 fn check_reachable(
     scenario: &Scenario,
     task: &Task,

@@ -8,7 +8,7 @@ use super::polish::Polish;
 use super::sampler::{Aim, Draw, Sampler, View};
 use super::settings::{Settings, Stop};
 use super::split::Split;
-use super::suffix::SuffixTree;
+use super::suffix::{Entry, SuffixTree};
 use super::tree::{NodeId, Tree};
 use super::{
     EndReason, First, Improvement, NotFound, PlanError, Problem, Progress, Solution, Stats,
@@ -72,10 +72,16 @@ pub fn profile(
     Ok((search.finish(reason)?, split))
 }
 
+/// The best plan's suffix is entered anew after so many iterations, since ways to it get shorter; and that
+/// of one other goal.
+const ENTRY_PERIOD: u64 = 128;
+
 /// The best plan so far.
 struct Best {
     /// The goal of the trees that it was found at.
     goal: NodeId,
+    /// The number of the suffix's point there.
+    pivot: usize,
     path: Path,
     cost: Cost,
 }
@@ -206,6 +212,9 @@ impl<'a> Search<'a> {
                 Turn::Suffix(i) => self.grow_suffix(i),
             }
             self.shorten();
+            if self.stats.iterations.is_multiple_of(ENTRY_PERIOD) {
+                self.enter_again();
+            }
         }
     }
 
@@ -268,13 +277,14 @@ impl<'a> Search<'a> {
     /// By how much the best suffix would get longer (or, negative, shorter) if it passed the given
     /// goal instead of its own, weighted against the prefix. 0 while there is no suffix.
     fn detour(&self, goal: NodeId) -> f64 {
-        let suffix = self.best.as_ref().map(|b| &b.path.suffix);
-        let Some(suffix) = suffix.filter(|s| s.len() > 2) else {
+        let moves = |b: &&Best| b.path.suffix.len() > 2;
+        let Some(Best { path, pivot, .. }) = self.best.as_ref().filter(moves) else {
             return 0.0;
         };
         let distance = |a, b| self.problem.system.distance(a, b);
-        let (after, root) = (suffix[1].at, suffix[0].at);
-        let before = suffix[suffix.len() - 2].at;
+        let count = path.suffix.len() - 1;
+        let point = |i: usize| path.suffix[i % count].at;
+        let (before, root, after) = (point(pivot + count - 1), point(*pivot), point(pivot + 1));
         let at = self.prefix.spot(goal).at;
         let change = distance(before, at) + distance(at, after)
             - distance(before, root)
@@ -283,11 +293,16 @@ impl<'a> Search<'a> {
         change * (1.0 - self.problem.weight) / weight
     }
 
-    /// Whether a plan with a prefix of this length can be cheaper than the best, were its suffix
-    /// free.
-    fn can_improve(&self, prefix: f64) -> bool {
-        let bound = self.problem.weight * prefix;
+    /// Whether a plan by a goal with a way of this length can be cheaper than the best. The way is part of the
+    /// prefix as far as the suffix's entry, and of the suffix from there.
+    fn can_improve(&self, way: f64) -> bool {
+        let bound = self.least_share() * way;
         self.best.as_ref().is_none_or(|b| bound < b.cost.total)
+    }
+
+    /// The least that a unit of length costs.
+    fn least_share(&self) -> f64 {
+        self.problem.weight.min(1.0 - self.problem.weight)
     }
 
     fn open_suffix(&mut self, goal: NodeId) {
@@ -299,7 +314,7 @@ impl<'a> Search<'a> {
     fn grow_prefix(&mut self) {
         let reached = self.stats.first_prefix.is_some();
         let aim = Aim::Prefix { reached };
-        let limit = self.limit(0.0, self.problem.weight);
+        let limit = self.limit(0.0, self.least_share());
         self.prefix.limit(limit);
         let beacon = self.polish.as_mut().and_then(|p| p.beacons.pop_front());
         let grown = match beacon {
@@ -319,8 +334,7 @@ impl<'a> Search<'a> {
     }
 
     fn grow_suffix(&mut self, i: usize) {
-        let prefix = self.prefix.cost(self.suffixes[i].goal);
-        let limit = self.limit(self.problem.weight * prefix, 1.0 - self.problem.weight);
+        let limit = self.suffix_limit(self.prefix.cost(self.suffixes[i].goal));
         let suffix = &mut self.suffixes[i];
         suffix.tree.limit(limit);
         let aim = Aim::Suffix {
@@ -368,7 +382,7 @@ impl<'a> Search<'a> {
             }
             if stays {
                 let at = self.prefix.spot(node).at;
-                self.consider(node, None, 0.0, || vec![Waypoint { at, state }]);
+                self.consider_staying(node, Waypoint { at, state });
             } else if let Some(&i) = self.suffix_of.get(&node) {
                 self.consider_suffix(i);
             }
@@ -376,30 +390,71 @@ impl<'a> Search<'a> {
         self.touched = touched;
     }
 
-    fn consider_suffix(&mut self, i: usize) {
-        let suffix = &self.suffixes[i];
-        let (Some(length), Some(path)) = (suffix.length(), suffix.path()) else {
-            return;
-        };
-        self.consider(suffix.goal, Some(i), length, || path);
+    /// The plan that stays at a goal.
+    fn consider_staying(&mut self, goal: NodeId, here: Waypoint) {
+        let cost = Cost::new(self.prefix.cost(goal), 0.0, self.problem.weight);
+        self.offer(goal, None, cost);
+        if self.is_better(cost) {
+            let (prefix, suffix) = (self.prefix.path(goal), vec![here]);
+            self.keep(goal, Path { prefix, suffix }, cost);
+        }
     }
 
-    /// Keeps a plan if it is the best so far, and takes note of it as one that could be shortened.
-    fn consider(
-        &mut self,
-        goal: NodeId,
-        tree: Option<usize>,
-        suffix: f64,
-        path: impl FnOnce() -> Vec<Waypoint>,
-    ) {
-        let cost = Cost::new(self.prefix.cost(goal), suffix, self.problem.weight);
+    /// The plan whose suffix is the shortest way back that a suffix tree knows, entered where that is
+    /// cheapest.
+    fn consider_suffix(&mut self, i: usize) {
+        let suffix = &self.suffixes[i];
+        let (Some(length), Some(cycle)) = (suffix.length(), suffix.path()) else {
+            return;
+        };
+        let goal = suffix.goal;
+        let Some((entry, cost)) = self.enter(&cycle, length) else {
+            return;
+        };
+        self.offer(goal, Some(i), cost);
+        if self.is_better(cost) {
+            self.keep(goal, entry.path(&self.prefix, &cycle), cost);
+        }
+    }
+
+    /// Where a cycle is entered most cheaply, and what that costs.
+    fn enter(&mut self, cycle: &[Waypoint], length: f64) -> Option<(Entry, Cost)> {
+        let system = &*self.problem.system;
+        let side = system.bounds().side();
+        let near = self.settings.near(self.prefix.site_count(), side);
+        let entry = Entry::cheapest(&mut self.prefix, system, cycle, near, f64::INFINITY)?;
+        Some((entry, Cost::new(entry.length, length, self.problem.weight)))
+    }
+
+    /// Looks for better entries to the best plan's suffix and, in turn, to those of other goals.
+    fn enter_again(&mut self) {
+        let Some(best) = &mut self.best else { return };
+        if best.path.suffix.len() > 1 {
+            let (goal, length) = (best.goal, best.cost.suffix);
+            let cycle = std::mem::take(&mut best.path.suffix);
+            let found = self.enter(&cycle, length);
+            match found {
+                Some((entry, cost)) if self.is_better(cost) => {
+                    self.keep(goal, entry.path(&self.prefix, &cycle), cost);
+                }
+                _ => {
+                    if let Some(best) = &mut self.best {
+                        best.path.suffix = cycle;
+                    }
+                }
+            }
+        }
+        if !self.suffixes.is_empty() {
+            let turn = self.stats.iterations / ENTRY_PERIOD;
+            self.consider_suffix((turn % self.suffixes.len() as u64) as usize);
+        }
+    }
+
+    /// Takes note of a plan as one that could be shortened.
+    fn offer(&mut self, goal: NodeId, tree: Option<usize>, cost: Cost) {
         if let Some(polish) = &mut self.polish {
             let kind = (self.prefix.state(goal), self.prefix.spot(goal).letter, tree);
             polish.offer(kind, goal, cost.total);
-        }
-        if self.is_better(cost) {
-            let (prefix, suffix) = (self.prefix.path(goal), path());
-            self.keep(goal, Path { prefix, suffix }, cost);
         }
     }
 
@@ -408,7 +463,13 @@ impl<'a> Search<'a> {
     }
 
     fn keep(&mut self, goal: NodeId, path: Path, cost: Cost) {
-        self.best = Some(Best { goal, path, cost });
+        let pivot = self.pivot(goal, &path.suffix);
+        self.best = Some(Best {
+            goal,
+            pivot,
+            path,
+            cost,
+        });
         if self.stats.first_plan.is_none() {
             self.stats.first_plan = Some(self.first(cost.total));
         }
@@ -419,6 +480,17 @@ impl<'a> Search<'a> {
         });
     }
 
+    /// The point of a suffix that stands for the goal it was found at: of those in its state the nearest.
+    fn pivot(&self, goal: NodeId, suffix: &[Waypoint]) -> usize {
+        let (at, state) = (self.prefix.spot(goal).at, self.prefix.state(goal));
+        let distance = |i: &usize| self.problem.system.distance(suffix[*i].at, at);
+        let count = suffix.len().saturating_sub(1).max(1);
+        (0..count)
+            .filter(|&i| suffix[i].state == state)
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+            .unwrap_or(0)
+    }
+
     /// Shortens a candidate, if one is due.
     fn shorten(&mut self) {
         let (Some(polish), Some(best)) = (&mut self.polish, &self.best) else {
@@ -427,13 +499,19 @@ impl<'a> Search<'a> {
         let Some(next) = polish.next(self.stats.iterations, best.cost.total) else {
             return;
         };
-        let prefix = self.prefix.path(next.goal);
-        let suffix = match next.kind.2 {
-            None => prefix.last().map(|&end| vec![end]),
-            Some(i) => self.suffixes[i].path(),
+        let path = match next.kind.2 {
+            None => {
+                let prefix = self.prefix.path(next.goal);
+                let suffix = prefix.last().map(|&end| vec![end]);
+                suffix.map(|suffix| Path { prefix, suffix })
+            }
+            Some(i) => self.suffixes[i].path().and_then(|cycle| {
+                let (entry, _) = self.enter(&cycle, 0.0)?;
+                Some(entry.path(&self.prefix, &cycle))
+            }),
         };
-        let Some(suffix) = suffix else { return };
-        let Some((path, cost)) = polish.shorten(&Path { prefix, suffix }) else {
+        let shorten = |path| self.polish.as_ref().and_then(|p| p.shorten(&path));
+        let Some((path, cost)) = path.and_then(shorten) else {
             return;
         };
         if self.is_better(cost) {
@@ -454,6 +532,22 @@ impl<'a> Search<'a> {
                 (best.cost.total - known) / share
             }
             _ => f64::INFINITY,
+        }
+    }
+
+    /// The length that a suffix by a goal with a way of this length must stay below for its plan to beat the
+    /// best: the way is part of the prefix, but for as much of it as the suffix may hold.
+    fn suffix_limit(&self, way: f64) -> f64 {
+        let (before, after) = (self.problem.weight, 1.0 - self.problem.weight);
+        let whole = self.limit(0.0, after);
+        if !whole.is_finite() || whole >= way {
+            return whole;
+        }
+        // Shorter than the way: so the prefix is what is left of it at least.
+        if before < after {
+            self.limit(before * way, after - before)
+        } else {
+            0.0
         }
     }
 

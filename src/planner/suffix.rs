@@ -1,8 +1,8 @@
-//! Suffix trees: ways from a goal back to itself (`nngtl.md`, III-A, 2).
+//! Suffix trees: ways from a goal back to itself (`nngtl.md`, III-A, 2), and where the prefix enters them.
 
-use super::tree::{NodeId, Tree};
+use super::tree::{Near, NodeId, Tree};
 use crate::automaton::{Nba, StateId};
-use crate::plan::Waypoint;
+use crate::plan::{Path, Waypoint};
 use crate::system::TransitionSystem;
 
 /// A tree grown from one goal of the prefix tree, and the cheapest way back found so far.
@@ -77,5 +77,70 @@ impl<'a> SuffixTree<'a> {
             state: self.state,
         });
         Some(path)
+    }
+}
+
+/// Where a prefix enters a cycle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Entry {
+    /// The number of the cycle's point.
+    at: usize,
+    /// The node of the prefix tree that is there, or one move away.
+    node: NodeId,
+    /// The length of the prefix.
+    pub(super) length: f64,
+}
+
+impl Entry {
+    /// The cheapest way of a prefix tree to any product state of a cycle, if it is shorter than `limit`. The
+    /// last point of a cycle is its first.
+    pub(super) fn cheapest(
+        prefix: &mut Tree<'_>,
+        system: &dyn TransitionSystem,
+        cycle: &[Waypoint],
+        near: Near,
+        limit: f64,
+    ) -> Option<Self> {
+        let root = prefix.root().at;
+        let least = |w: &Waypoint| system.distance(root, w.at);
+        let count = cycle.len().saturating_sub(1).max(1);
+        let mut order: Vec<(f64, usize)> = cycle[..count]
+            .iter()
+            .enumerate()
+            .map(|(i, w)| (least(w), i))
+            .collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut best: Option<Self> = None;
+        for (least, at) in order {
+            let limit = best.map_or(limit, |b| b.length);
+            if least >= limit {
+                break;
+            }
+            let Some(spot) = system.settle(cycle[at].at) else {
+                continue;
+            };
+            if spot.at != cycle[at].at {
+                continue;
+            }
+            if let Some((node, length)) = prefix.way_into(spot, cycle[at].state, near, limit) {
+                best = Some(Self { at, node, length });
+            }
+        }
+        best
+    }
+
+    /// The plan that enters the cycle here.
+    pub(super) fn path(self, prefix: &Tree<'_>, cycle: &[Waypoint]) -> Path {
+        let here = cycle[self.at];
+        let mut way = prefix.path(self.node);
+        if prefix.spot(self.node).at != here.at || prefix.state(self.node) != here.state {
+            way.push(here);
+        }
+        let count = cycle.len().saturating_sub(1).max(1);
+        let suffix = (self.at..=self.at + count).map(|i| cycle[i % count]);
+        Path {
+            prefix: way,
+            suffix: suffix.collect(),
+        }
     }
 }

@@ -5,6 +5,7 @@
 
 mod links;
 mod near;
+mod reach;
 mod steps;
 mod ways;
 

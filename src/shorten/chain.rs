@@ -2,13 +2,13 @@
 
 use nalgebra::{Point2, Vector2};
 
-use super::pull::{least, taut};
+use super::pull::{least, star_point, taut};
 use super::{Shortener, inward_normal, word_of};
 use crate::plan::Path;
 
 /// Weights of prefix and suffix below this count as this much in refinement, so that a part of no
 /// weight is tidy too.
-const MIN_WEIGHT: f64 = 1e-3;
+pub(super) const MIN_WEIGHT: f64 = 1e-3;
 
 /// How much of the way to the best place is tried where the whole of it is blocked.
 const PARTS: [f64; 4] = [1.0, 0.5, 0.25, 0.0625];
@@ -18,6 +18,9 @@ const TRIES: usize = 6;
 
 /// How far beyond a region's box its borders are still at hand, as a share of the map's longer side.
 const REACH: f64 = 0.02;
+
+/// How often another place to enter the suffix is looked for.
+const ENTRIES: usize = 4;
 
 /// A prefix-suffix path by its points alone.
 #[derive(Clone, Debug)]
@@ -31,7 +34,7 @@ pub(crate) struct Chain {
 }
 
 /// A path's classes of letters in a row, neighbours different.
-type Word = Vec<u16>;
+pub(super) type Word = Vec<u16>;
 
 /// The point at the other end of a leg, with the leg's share of the cost.
 type Neighbour = (Point2<f64>, f64);
@@ -64,8 +67,34 @@ impl Chain {
 }
 
 impl Shortener<'_> {
-    /// Tightens the chain until nothing improves, in at most `sweeps` passes.
-    pub(crate) fn refine(&self, chain: &mut Chain, sweeps: usize) {
+    /// Tightens the chain until nothing improves, in at most `sweeps` passes for each place where the suffix
+    /// is entered.
+    pub(crate) fn improve(&self, chain: &mut Chain, sweeps: usize) {
+        self.refine(chain, sweeps);
+        for _ in 0..ENTRIES {
+            if sweeps == 0 || !self.enter(chain) {
+                break;
+            }
+            self.refine(chain, sweeps);
+        }
+    }
+
+    /// Tightens the chain until nothing improves, in at most `sweeps` passes, without another order of its
+    /// points.
+    fn refine(&self, chain: &mut Chain, sweeps: usize) {
+        if chain.split == 0 && !chain.stays {
+            // The suffix need not pass the start: it may be entered beside it.
+            chain.points.insert(1, chain.points[0]);
+            chain.split = 1;
+        }
+        self.sweep(chain, sweeps);
+        if chain.split == 1 && chain.points[1] == chain.points[0] {
+            chain.points.remove(1);
+            chain.split = 0;
+        }
+    }
+
+    fn sweep(&self, chain: &mut Chain, sweeps: usize) {
         for _ in 0..sweeps {
             let mut moved = false;
             let mut i = 1;
@@ -161,6 +190,11 @@ impl Shortener<'_> {
             |p: Point2<f64>| -> f64 { neighbours.iter().map(|&(n, w)| (p - n).norm() * w).sum() };
         let now = star(at);
         let mut places = self.places(at, &star);
+        if let [(a, v), (b, w), (c, x)] = neighbours[..] {
+            // Where the suffix is entered nothing may hold the point but its three legs.
+            let free = star_point([a, b, c], [v, w, x]);
+            places.push((star(free), free));
+        }
         places.retain(|&(l, _)| l < now - self.min_gain);
         if places.is_empty() {
             return false;
@@ -210,7 +244,7 @@ impl Shortener<'_> {
     }
 
     /// The classes of letters along a polyline, neighbours different.
-    fn word(&self, points: &[Point2<f64>]) -> Option<Word> {
+    pub(super) fn word(&self, points: &[Point2<f64>]) -> Option<Word> {
         let mut word = Word::new();
         for ends in points.windows(2) {
             let letters = word_of(self.map, ends[0], ends[1])?;
@@ -296,7 +330,7 @@ fn place_legs(chain: &mut Chain, i: usize, p: Point2<f64>, legs: &[Vec<Point2<f6
     }
 }
 
-fn length(points: &[Point2<f64>]) -> f64 {
+pub(super) fn length(points: &[Point2<f64>]) -> f64 {
     let legs = points.windows(2).map(|w| (w[1] - w[0]).norm());
     legs.fold(0.0, |sum, leg| sum + leg)
 }

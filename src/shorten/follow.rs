@@ -45,32 +45,28 @@ impl Shortener<'_> {
         stops.windows(2).all(steps).then_some(stops)
     }
 
-    /// Finds a run along the stops: to a feasible accepting state at the prefix's end, and along the
-    /// suffix back to it.
+    /// Finds a run along the stops: to some state where the suffix is entered, and along the suffix back to
+    /// it, by an accepting state.
     fn follow(&self, prefix: &[Stop], suffix: &[Stop]) -> Option<Path> {
         let nba = &self.task.nba;
         let end = prefix.len() - 1;
-        let to_goal = Runs::new(nba, prefix, &nba.initial);
-        let mut best: Option<(usize, Path)> = None;
-        for &goal in &self.task.feasible {
-            let Some((waits, run)) = to_goal.run_to(end, goal) else {
-                continue;
-            };
-            if best.as_ref().is_some_and(|b| b.0 <= waits) {
-                continue;
-            }
-            let round = if let [here] = suffix {
-                stays(nba, here.1, goal).then(|| vec![waypoint(here, goal)])
+        let ways = Runs::new(nba, prefix, &nba.initial, false);
+        let mut entries: Vec<(usize, StateId)> = nba
+            .states()
+            .filter_map(|q| Some((ways.waits(end, q)?, q)))
+            .collect();
+        entries.sort_unstable();
+        let round = |&(_, q): &(usize, StateId)| {
+            let suffix = if let [here] = suffix {
+                let stays = nba.is_accepting(q) && stays(nba, here.1, q);
+                stays.then(|| vec![waypoint(here, q)])?
             } else {
-                let round = Runs::new(nba, suffix, &[goal]).run_to(suffix.len() - 1, goal);
-                round.map(|(_, run)| run)
+                Runs::new(nba, suffix, &[q], true).run_to(suffix.len() - 1, q)?
             };
-            if let Some(suffix) = round {
-                let prefix = run;
-                best = Some((waits, Path { prefix, suffix }));
-            }
-        }
-        best.map(|(_, path)| path)
+            let prefix = ways.run_to(end, q)?;
+            Some(Path { prefix, suffix })
+        };
+        entries.iter().find_map(round)
     }
 }
 
@@ -95,53 +91,82 @@ fn waypoint(stop: &Stop, state: StateId) -> Waypoint {
     Waypoint { at: stop.0, state }
 }
 
-/// All runs of an automaton along stops, with as few waits as possible.
+/// All runs of an automaton along stops, with as few waits as possible; of a suffix, those that have
+/// passed an accepting state are told apart from the others.
 struct Runs<'s> {
     stops: &'s [Stop],
     states: usize,
-    /// For each (stop, state): the waits needed and where it was reached from.
+    /// The number of layers: two where it matters whether an accepting state was passed.
+    layers: usize,
+    /// For each (stop, state, layer): the waits needed and where it was reached from.
     labels: Vec<Option<(usize, Option<usize>)>>,
 }
 
 impl<'s> Runs<'s> {
-    fn new(nba: &Nba, stops: &'s [Stop], from: &[StateId]) -> Self {
-        let states = nba.len();
+    fn new(nba: &Nba, stops: &'s [Stop], from: &[StateId], accept: bool) -> Self {
+        let (states, layers) = (nba.len(), 1 + usize::from(accept));
         let mut runs = Self {
             stops,
             states,
-            labels: vec![None; stops.len() * states],
+            layers,
+            labels: vec![None; stops.len() * states * layers],
         };
-        let mut queue: VecDeque<(usize, usize, Option<usize>)> =
-            from.iter().map(|q| (0, q.index(), None)).collect();
+        let layer = |q: StateId, before: usize| {
+            if accept && nba.is_accepting(q) {
+                1
+            } else {
+                before
+            }
+        };
+        let mut queue: VecDeque<(usize, usize, Option<usize>)> = from
+            .iter()
+            .map(|&q| (0, runs.number(0, q, layer(q, 0)), None))
+            .collect();
         while let Some((waits, s, parent)) = queue.pop_front() {
             if runs.labels[s].is_some() {
                 continue;
             }
             runs.labels[s] = Some((waits, parent));
-            let (stop, state) = (s / states, StateId((s % states) as u32));
+            let (stop, state) = runs.split(s);
             for q in nba.successors(state, stops[stop].1) {
+                let on = layer(q, s % layers);
                 if stop + 1 < stops.len() {
-                    queue.push_front((waits, (stop + 1) * states + q.index(), Some(s)));
+                    queue.push_front((waits, runs.number(stop + 1, q, on), Some(s)));
                 }
-                queue.push_back((waits + 1, stop * states + q.index(), Some(s)));
+                queue.push_back((waits + 1, runs.number(stop, q, on), Some(s)));
             }
         }
         runs
     }
 
-    fn run_to(&self, stop: usize, state: StateId) -> Option<(usize, Vec<Waypoint>)> {
-        let mut s = stop * self.states + state.index();
-        let (waits, _) = self.labels[s]?;
+    fn number(&self, stop: usize, state: StateId, layer: usize) -> usize {
+        (stop * self.states + state.index()) * self.layers + layer
+    }
+
+    fn split(&self, s: usize) -> (usize, StateId) {
+        let s = s / self.layers;
+        (s / self.states, StateId((s % self.states) as u32))
+    }
+
+    /// The waits of the run that ends in a state at a stop, having passed an accepting one if that matters.
+    fn waits(&self, stop: usize, state: StateId) -> Option<usize> {
+        let label = self.labels[self.number(stop, state, self.layers - 1)];
+        label.map(|(waits, _)| waits)
+    }
+
+    fn run_to(&self, stop: usize, state: StateId) -> Option<Vec<Waypoint>> {
+        self.waits(stop, state)?;
+        let mut s = self.number(stop, state, self.layers - 1);
         let mut run = Vec::new();
         loop {
-            let state = StateId((s % self.states) as u32);
-            run.push(waypoint(&self.stops[s / self.states], state));
+            let (stop, state) = self.split(s);
+            run.push(waypoint(&self.stops[stop], state));
             match self.labels[s] {
                 Some((_, Some(parent))) => s = parent,
                 _ => break,
             }
         }
         run.reverse();
-        Some((waits, run))
+        Some(run)
     }
 }

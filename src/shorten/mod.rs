@@ -3,13 +3,15 @@
 //! A plan's path is taken as a chain of points. Each inner point is in turn replaced by the taut string
 //! past it (straight, or around the corners in the way), or slid along a border at hand to where the
 //! weighted length is least, as long as the letters that the path meets stay the same in the eyes of
-//! the automaton: up to stuttering, and up to letters that no guard tells apart. What comes out is a
-//! local optimum for the order of visits and the way around obstacles that the given plan chose; no
-//! other order or way is ever tried. The result's run is found anew.
+//! the automaton: up to stuttering, and up to letters that no guard tells apart. The point where the
+//! suffix is entered moves to where its three legs balance, or to another leg of the suffix. What comes
+//! out is a local optimum for the order of visits and the way around obstacles that the given plan chose;
+//! no other order or way is ever tried. The result's run is found anew.
 //!
 //! Planners that share nothing else use this: it sees a path and makes it shorter.
 
 mod chain;
+mod enter;
 mod follow;
 mod pull;
 mod word;
@@ -22,6 +24,7 @@ use crate::plan::{Cost, Path};
 use crate::workspace::{Polygon, Workspace};
 
 pub(crate) use chain::Chain;
+pub(crate) use pull::star_point;
 pub(crate) use word::word_of;
 
 /// How far from a border a visit's waypoint comes to lie, as a share of the map's longer side: a
@@ -112,7 +115,7 @@ impl<'a> Shortener<'a> {
     #[must_use]
     pub fn shorten(&self, path: &Path, sweeps: usize) -> Option<(Path, Cost)> {
         let mut chain = Chain::of_path(path);
-        self.refine(&mut chain, sweeps);
+        self.improve(&mut chain, sweeps);
         self.realise(&chain)
             .filter(|(path, _)| self.is_firm_path(path))
     }

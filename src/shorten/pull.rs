@@ -1,6 +1,9 @@
-//! Taut strings.
+//! Taut strings, and points where legs meet.
 
 use nalgebra::Point2;
+
+/// Rounds of [`star_point`]: it is flat around the best place.
+const ROUNDS: usize = 60;
 
 /// The points between `a` and `b` of the string from `a` by `at` to `b` once it is pulled taut around
 /// `corners`: the shortest path that can be reached by moving the string within the triangle. `a at`
@@ -86,4 +89,46 @@ pub(super) fn least(
     .into_iter()
     .min_by(|x, y| x.0.total_cmp(&y.0))
     .unwrap_or((fc, c))
+}
+
+/// The point whose distances to three others, weighted, sum to the least (the problem of Fermat and
+/// Torricelli): one of them, if it pulls harder than the others together, else by E. Weiszfeld's iteration
+/// ("Sur le point pour lequel la somme des distances de n points donnés est minimum", 1937).
+pub(crate) fn star_point(ends: [Point2<f64>; 3], weights: [f64; 3]) -> Point2<f64> {
+    for k in 0..3 {
+        let mut pull = nalgebra::Vector2::zeros();
+        let mut own = 0.0;
+        for (p, w) in ends.iter().zip(weights) {
+            let off = p - ends[k];
+            if off.norm() > 0.0 {
+                pull += off * (w / off.norm());
+            } else {
+                own += w;
+            }
+        }
+        if pull.norm() <= own {
+            return ends[k];
+        }
+    }
+    let whole: f64 = weights.iter().sum();
+    let mut at = nalgebra::Vector2::zeros();
+    for (p, w) in ends.iter().zip(weights) {
+        at += p.coords * (w / whole);
+    }
+    let mut at = Point2::from(at);
+    for _ in 0..ROUNDS {
+        let (mut sum, mut share) = (nalgebra::Vector2::zeros(), 0.0);
+        for (p, w) in ends.iter().zip(weights) {
+            let near = w / (p - at).norm().max(1e-12);
+            sum += p.coords * near;
+            share += near;
+        }
+        let next = Point2::from(sum / share);
+        let step = (next - at).norm();
+        at = next;
+        if step < 1e-9 * ((ends[1] - ends[0]).norm() + (ends[2] - ends[0]).norm()) {
+            break;
+        }
+    }
+    at
 }

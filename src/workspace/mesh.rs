@@ -273,10 +273,10 @@ struct View {
 
 /// For each triangle and corner: the triangle beyond the opposite edge, and whether that edge is
 /// a border.
-type Neighbours = Vec<[(u32, bool); 3]>;
+pub(super) type Neighbours = Vec<[(u32, bool); 3]>;
 
 /// Triangulates with the edges kept. Where rounding makes edges cross after all, points are added.
-fn triangulate(points: &mut Points, edges: &[[u32; 2]]) -> (Vec<[u32; 3]>, Neighbours) {
+pub(super) fn triangulate(points: &mut Points, edges: &[[u32; 2]]) -> (Vec<[u32; 3]>, Neighbours) {
     let at = points.at.iter().map(|p| spade::Point2::new(p.x, p.y));
     let edges = edges.iter().map(|e| e.map(|i| i as usize)).collect();
     let mut conflicts = Vec::new();
@@ -364,7 +364,7 @@ fn free_triangles(
         .collect()
 }
 
-fn incidences(points: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
+pub(super) fn incidences(points: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
     let mut first = vec![0_u32; points + 1];
     for &c in triangles.iter().flatten() {
         first[c as usize + 1] += 1;
@@ -384,14 +384,14 @@ fn incidences(points: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
 }
 
 /// Disjoint sets of numbers, each named by its least member.
-struct Sets(Vec<u32>);
+pub(super) struct Sets(Vec<u32>);
 
 impl Sets {
-    fn new(n: usize) -> Self {
+    pub(super) fn new(n: usize) -> Self {
         Self((0..n as u32).collect())
     }
 
-    fn find(&mut self, i: u32) -> u32 {
+    pub(super) fn find(&mut self, i: u32) -> u32 {
         let mut root = i;
         while self.0[root as usize] != root {
             root = self.0[root as usize];
@@ -403,7 +403,7 @@ impl Sets {
         root
     }
 
-    fn join(&mut self, a: u32, b: u32) {
+    pub(super) fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.find(a), self.find(b));
         self.0[a.max(b) as usize] = a.min(b);
     }

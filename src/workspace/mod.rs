@@ -10,6 +10,7 @@ mod cells;
 mod index;
 mod lines;
 mod mesh;
+pub(crate) mod parts;
 mod polygon;
 mod trace;
 pub mod visibility;

@@ -52,24 +52,24 @@ pub fn plan(
     Search::new(problem, sampler, settings, 0).finish_after(stop, observe)
 }
 
-/// As [`plan`], and measures where the time goes.
+/// Searches as [`plan`] does and tells where the time went, whether or not a plan is found.
 ///
 /// # Errors
-/// As [`plan`].
+/// Settings out of range.
 pub fn profile(
     problem: &Problem,
     sampler: &Sampler,
     settings: &Settings,
-) -> Result<(Solution, Split), PlanError> {
+) -> Result<Split, PlanError> {
     settings.validate()?;
     let mut search = Search::new(problem, sampler, settings, 0);
     search.prefix.measure();
-    let reason = search.run(&Stop::new(), &mut |_| {});
+    search.run(&Stop::new(), &mut |_| {});
     let mut split = Split::default();
     search.trees().for_each(|tree| split.add(&tree.split()));
     let known: f64 = split.parts().iter().map(|&(_, seconds)| seconds).sum();
     split.other = search.began.elapsed().as_secs_f64() - known;
-    Ok((search.finish(reason)?, split))
+    Ok(split)
 }
 
 /// The best plan so far.

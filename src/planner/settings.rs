@@ -9,9 +9,10 @@ use serde::{Deserialize, Serialize};
 use super::parallel::MAX_THREADS;
 use super::tree::Near;
 
-/// However small the tree, so many sites are connected: a point that is drawn far ahead is often in sight of
-/// few of those near it.
-const LEAST_NEIGHBOURS: usize = 250;
+/// So many sites are connected where RRT*'s rules name fewer and none of those leads to the point, and
+/// in small trees from the beginning: a point that is drawn far ahead is often in sight of few of those
+/// near it.
+const MORE_NEIGHBOURS: usize = 250;
 
 /// Parameters of TL-RRT* and its samplers; the defaults are the papers' values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -194,9 +195,13 @@ impl Settings {
         let n = sites as f64;
         let log = libm::log(n + 1.0);
         let shrinking = self.radius * (log / n).sqrt();
+        // All of a small tree, and half as many of one twice that size.
+        let most = MORE_NEIGHBOURS as f64;
+        let wide = most.min(most * most / n);
         Near {
             radius: shrinking.min(self.max_radius) * side,
-            count: ((self.neighbours * log).ceil() as usize).max(LEAST_NEIGHBOURS),
+            count: (self.neighbours * log).max(wide).ceil() as usize,
+            more: MORE_NEIGHBOURS,
         }
     }
 

@@ -361,6 +361,7 @@ proptest! {
             let near = Near {
                 radius: 0.3,
                 count: 20,
+                more: 100,
             };
             tree.extend(spot, near, &[anchor]);
         }

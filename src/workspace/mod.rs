@@ -7,6 +7,7 @@
 
 mod bands;
 mod cells;
+mod geodesics;
 mod index;
 mod lines;
 mod mesh;

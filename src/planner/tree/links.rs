@@ -17,9 +17,12 @@ impl Tree<'_> {
             let saving = self.costs[node.index()] - cost;
             self.costs[node.index()] = cost;
             self.touched.push(node);
-            let site = &mut self.sites[self.nodes[node.index()].site.0 as usize];
-            site.least = site.least.min(cost);
-            let mut child = self.nodes[node.index()].first_child;
+            let Node {
+                site, first_child, ..
+            } = self.nodes[node.index()];
+            let rank = &mut self.ranks[site.0 as usize];
+            rank.least = rank.least.min(cost);
+            let mut child = first_child;
             while child != NONE {
                 stack.push((NodeId(child), self.costs[child as usize] - saving));
                 child = self.nodes[child as usize].next_sibling;

@@ -32,7 +32,7 @@ impl Hit {
         Self { bits, site }
     }
 
-    fn square(self) -> f64 {
+    pub(super) fn square(self) -> f64 {
         f64::from_bits(self.bits)
     }
 }
@@ -44,14 +44,19 @@ pub(crate) struct Near {
     pub(crate) radius: f64,
     /// Of those the nearest, at most so many.
     pub(crate) count: usize,
+    /// As many instead where the first ones lead nowhere.
+    pub(crate) more: usize,
 }
 
 impl Near {
     /// All sites within `radius`.
     #[cfg(test)]
     pub(crate) fn ball(radius: f64) -> Self {
-        let count = usize::MAX;
-        Self { radius, count }
+        Self {
+            radius,
+            count: usize::MAX,
+            more: 0,
+        }
     }
 }
 
@@ -339,6 +344,7 @@ mod tests {
             let near = Near {
                 radius: 0.3 * (k % 5) as f64,
                 count: 1 + k % 60,
+                more: 0,
             };
             index.near(q, near, &mut hits);
             hits.sort_unstable();

@@ -14,7 +14,7 @@ use nalgebra::Point2;
 use nngtl::alphabet::Alphabet;
 use nngtl::automaton::{Limits, Nba, StateId, Task, Transition};
 use nngtl::planner::{
-    Improvement, PlanError, Problem, Sampler, Settings, Solution, Stats, Stop, plan, profile,
+    First, Improvement, PlanError, Problem, Sampler, Settings, Solution, Stats, Stop, plan, profile,
 };
 use nngtl::system::Continuous;
 use nngtl::workspace::{Bounds, Polygon, Region, Workspace};
@@ -52,6 +52,9 @@ fn translated(text: &'static str) -> impl Fn(&Arc<Alphabet>) -> Task {
             .expect("the formula has an automaton")
     }
 }
+
+/// Runs of which the fastest counts.
+const REPEATS: usize = 5;
 
 /// Half the side of the mission's goal region: what its point may lie off the target.
 const GOAL: f64 = 5e-5;
@@ -114,22 +117,54 @@ fn cost_after(improvements: &[Improvement], seconds: f64) -> Option<f64> {
     known.last().map(|i| i.cost)
 }
 
+/// The median of the first plans of several seeds, by time.
+fn first_plans(problem: &Problem, sampler: &Sampler, settings: &Settings) -> Option<First> {
+    if matches!(sampler, Sampler::Uniform) {
+        return None; // uniform points rarely meet so small a goal
+    }
+    let settings = Settings {
+        time_limit: Some(0.01),
+        ..settings.clone()
+    };
+    let settings = &settings;
+    let first = |seed| {
+        let settings = Settings {
+            seed,
+            ..settings.clone()
+        };
+        search(problem, sampler, &settings).0.first_plan
+    };
+    let mut all: Vec<First> = (0..21).filter_map(first).collect();
+    all.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
+    all.get(10).copied()
+}
+
 fn mission() {
     let problem = reach_avoid();
+    // A point is drawn on the shortest way more often than by default: what is asked for is the first path.
+    let eager = |settings: Settings| Settings {
+        p_target: 0.3,
+        ..settings
+    };
     println!("reach-avoid mission, optimum {:.6}", optimum());
     println!(
-        "| sampler | near | vertices | added a second | first path ms | length first | 0.01 s | 0.1 s | 1 s |"
+        "| sampler | near | vertices | added a second | first path ms (iterations), median of 21 seeds | length first | 0.01 s | 0.1 s | 1 s |"
     );
     println!("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |");
     let samplers = [Sampler::Uniform, Sampler::Biased];
     for sampler in &samplers {
-        for (rule, settings) in [("radius", by_radius()), ("k-nearest", by_count())] {
+        let rules = [
+            ("radius", eager(by_radius())),
+            ("k-nearest", eager(by_count())),
+        ];
+        for (rule, settings) in rules {
             let growth = Settings {
                 iterations: 14_700,
                 ..settings.clone()
             };
-            search(&problem, sampler, &growth); // warm caches
-            let (grown, _) = search(&problem, sampler, &growth);
+            let runs = (0..REPEATS).map(|_| search(&problem, sampler, &growth).0);
+            let grown = runs.max_by(|a, b| rate(a).total_cmp(&rate(b)));
+            let grown = grown.expect("at least one run");
             let timed = Settings {
                 iterations: u64::MAX,
                 time_limit: Some(1.0),
@@ -140,7 +175,7 @@ fn mission() {
                 let cost = cost_after(&stats.improvements, s);
                 cost.map_or("–".to_owned(), |c| format!("{c:.5}"))
             };
-            let first = stats.first_plan;
+            let first = first_plans(&problem, sampler, &timed);
             if let Some(found) = found {
                 assert!(found.cost.total > optimum() - 3.0 * GOAL);
             }
@@ -149,8 +184,14 @@ fn mission() {
                 sampler.name(),
                 grown.sites,
                 rate(&grown),
-                first.map_or("–".to_owned(), |f| format!("{:.3}", 1e3 * f.seconds)),
-                first.map_or("–".to_owned(), |f| format!("{:.5}", f.cost)),
+                first.map_or("–".to_owned(), |f| format!(
+                    "{:.3} ({})",
+                    1e3 * f.seconds,
+                    f.iterations
+                )),
+                stats
+                    .first_plan
+                    .map_or("–".to_owned(), |f| format!("{:.5}", f.cost)),
                 length(0.01),
                 length(0.1),
                 length(1.0),
@@ -168,12 +209,15 @@ fn tree() {
     println!("| ---: | ---: | ---: | ---: | ---: | ---: |");
     let mut first = None;
     let mut before: Option<Stats> = None;
-    for iterations in [1_000, 3_000, 10_000, 30_000, 100_000] {
+    for iterations in [500, 1_000, 3_000, 10_000, 30_000, 70_000, 100_000] {
         let settings = Settings {
             iterations,
             ..by_count()
         };
-        let (stats, _) = search(&problem, &Sampler::Uniform, &settings);
+        // Other programs on the machine only make it slower.
+        let runs = (0..REPEATS).map(|_| search(&problem, &Sampler::Uniform, &settings).0);
+        let stats = runs.min_by(|a, b| a.seconds.total_cmp(&b.seconds));
+        let stats = stats.expect("at least one run");
         // What the last part of the growth cost, not the mean since the beginning.
         let (sites, seconds) = before.as_ref().map_or((0, 0.0), |b| (b.sites, b.seconds));
         let each = 1e6 * (stats.seconds - seconds) / (stats.sites - sites) as f64;

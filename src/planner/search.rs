@@ -25,6 +25,10 @@ const HEARTBEAT: u64 = 32;
 /// their number: none of them can block the others, and few are grown deep.
 const SUFFIX_QUANTUM: u64 = 40;
 
+/// So many nodes below those that are rerouted get cheaper in one iteration at most: more than in
+/// nearly all iterations on automata of a few states.
+const ALLOWANCE: usize = 2_000;
+
 /// Searches for a plan of least cost (`nngtl.md`, Problem 1).
 ///
 /// `observe` is called every few iterations. The result depends on problem, sampler and settings
@@ -124,7 +128,8 @@ impl<'a> Search<'a> {
         stream: u64,
     ) -> Self {
         let nba = &problem.task.nba;
-        let prefix = Tree::new(&*problem.system, nba, problem.start, &nba.initial);
+        let mut prefix = Tree::new(&*problem.system, nba, problem.start, &nba.initial);
+        prefix.pass_on_at_most(ALLOWANCE);
         Self {
             problem,
             sampler,
@@ -145,11 +150,7 @@ impl<'a> Search<'a> {
             turn: 0,
             known: Vec::new(),
             best: None,
-            polish: settings
-                .shortens()
-                .then(|| problem.system.plane())
-                .flatten()
-                .map(|map| Polish::new(Shortener::new(map, &problem.task, problem.weight))),
+            polish: None,
             race: None,
             stats: Stats {
                 threads: 1,
@@ -325,7 +326,7 @@ impl<'a> Search<'a> {
         suffix.tree.limit(limit);
         let aim = Aim::Suffix {
             state: suffix.state,
-            closed: suffix.length().is_some(),
+            closed: suffix.is_closed(),
         };
         suffix.iterations += 1;
         self.suffix_iterations += 1;
@@ -393,13 +394,20 @@ impl<'a> Search<'a> {
         path: impl FnOnce() -> Vec<Waypoint>,
     ) {
         let cost = Cost::new(self.prefix.cost(goal), suffix, self.problem.weight);
+        if self.is_better(cost) {
+            let cost = Cost::new(self.prefix.length_to(goal), suffix, self.problem.weight);
+            let (prefix, suffix) = (self.prefix.path(goal), path());
+            self.keep(goal, Path { prefix, suffix }, cost);
+        }
+        // Not before there is something to shorten: a first plan should not wait for it.
+        if self.polish.is_none() && self.settings.shortens() {
+            let map = self.problem.system.plane();
+            let shortener = |map| Shortener::new(map, &self.problem.task, self.problem.weight);
+            self.polish = map.map(|map| Polish::new(shortener(map)));
+        }
         if let Some(polish) = &mut self.polish {
             let kind = (self.prefix.state(goal), self.prefix.spot(goal).letter, tree);
             polish.offer(kind, goal, cost.total);
-        }
-        if self.is_better(cost) {
-            let (prefix, suffix) = (self.prefix.path(goal), path());
-            self.keep(goal, Path { prefix, suffix }, cost);
         }
     }
 

@@ -9,6 +9,7 @@ mod near;
 mod steps;
 mod ways;
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use nalgebra::Point2;
@@ -45,6 +46,10 @@ const IMPROVEMENT: f64 = 1e-12;
 
 #[derive(Clone, Debug)]
 struct Node {
+    /// The length of the path to it.
+    cost: f64,
+    /// By how much the paths to its children got shorter that they do not know of yet.
+    owed: f64,
     site: SiteId,
     state: StateId,
     parent: u32,
@@ -85,8 +90,6 @@ pub struct Tree<'a> {
     sites: Vec<Site>,
     ranks: Vec<Rank>,
     nodes: Vec<Node>,
-    /// For each node the length of the path to it.
-    costs: Vec<f64>,
     /// For each site its nodes by ascending automaton state, with room to grow. A site that needs
     /// more moves to the end; what it leaves behind is lost, but never more than is in use.
     here: Vec<(StateId, NodeId)>,
@@ -105,7 +108,10 @@ pub struct Tree<'a> {
     /// Places one move away, in systems of finitely many places.
     moves: Vec<Spot>,
     ways: Ways,
-    stack: Vec<(NodeId, f64)>,
+    /// Nodes that owe their children something.
+    owing: VecDeque<NodeId>,
+    /// How many nodes get cheaper in one step at most, but for those that are rerouted themselves.
+    allowance: usize,
     open: Vec<NodeId>,
 }
 
@@ -135,6 +141,7 @@ impl<'a> Tree<'a> {
         let mut tree =
             Self::with_steps(self.system, self.nba, Arc::clone(&self.steps), root, states);
         tree.clock = self.clock.same();
+        tree.allowance = self.allowance;
         tree
     }
 
@@ -152,7 +159,6 @@ impl<'a> Tree<'a> {
             sites: Vec::new(),
             ranks: Vec::new(),
             nodes: Vec::new(),
-            costs: Vec::new(),
             here: Vec::new(),
             index: SiteIndex::default(),
             by_state: vec![Vec::new(); nba.len()],
@@ -164,7 +170,8 @@ impl<'a> Tree<'a> {
             tried: Vec::new(),
             moves: Vec::new(),
             ways: Ways::new(nba.len()),
-            stack: Vec::new(),
+            owing: VecDeque::new(),
+            allowance: usize::MAX,
             open: Vec::new(),
         };
         let site = tree.add_site(root);
@@ -217,10 +224,29 @@ impl<'a> Tree<'a> {
         self.nodes[node.index()].state
     }
 
-    /// The length of the path from the root to a node, in map units.
+    /// The length of the path from the root to a node, in map units; more than that while savings have not
+    /// come down to it yet.
     #[must_use]
     pub fn cost(&self, node: NodeId) -> f64 {
-        self.costs[node.index()]
+        self.nodes[node.index()].cost
+    }
+
+    /// The length of the path from the root to a node, whatever has not come down to it yet.
+    pub(crate) fn length_to(&self, node: NodeId) -> f64 {
+        let mut length = self.cost(node);
+        let mut next = self.nodes[node.index()].parent;
+        while next != NONE {
+            let ancestor = &self.nodes[next as usize];
+            length -= ancestor.owed;
+            next = ancestor.parent;
+        }
+        length
+    }
+
+    /// Lets no more than so many nodes below those that are rerouted get cheaper in one step; others
+    /// wait for the next. In a product with a large automaton a step can concern most of the tree.
+    pub(crate) fn pass_on_at_most(&mut self, allowance: usize) {
+        self.allowance = allowance;
     }
 
     /// Whether a node is at the root's place.
@@ -339,6 +365,7 @@ impl<'a> Tree<'a> {
             None => (self.add_node(site, state, cost, parent.0), true),
             Some(old) if improves(cost, self.cost(old)) => {
                 self.reparent(old, parent, cost);
+                self.pass_on();
                 (old, true)
             }
             Some(old) => (old, false),
@@ -355,6 +382,7 @@ impl<'a> Tree<'a> {
             }
             Some(old) if improves(cost, self.cost(old)) => {
                 self.reparent(old, NodeId(NONE), cost);
+                self.pass_on();
             }
             Some(_) => {}
         }
@@ -368,6 +396,12 @@ impl<'a> Tree<'a> {
     /// Staying at `site`: from each of its nodes the automaton may read the letter there without the
     /// robot moving. Runs until nothing gets cheaper.
     pub(crate) fn settle_states(&mut self, site: SiteId) {
+        self.settle(site);
+        self.pass_on();
+    }
+
+    /// As [`Self::settle_states`], and what follows further on is still owed.
+    fn settle(&mut self, site: SiteId) {
         let letter = self.site_spot(site).letter;
         let mut open = std::mem::take(&mut self.open);
         open.extend(self.at_site(site).iter().map(|&(_, n)| n));
@@ -421,6 +455,8 @@ impl<'a> Tree<'a> {
     fn add_node(&mut self, site: SiteId, state: StateId, cost: f64, parent: u32) -> NodeId {
         let id = NodeId(self.nodes.len() as u32);
         self.nodes.push(Node {
+            cost,
+            owed: 0.0,
             site,
             state,
             parent: NONE,
@@ -428,7 +464,6 @@ impl<'a> Tree<'a> {
             next_sibling: NONE,
             previous_sibling: NONE,
         });
-        self.costs.push(cost);
         self.list_node(site, state, id);
         let letter = self.site_spot(site).letter;
         let targets = self

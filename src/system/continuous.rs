@@ -209,6 +209,13 @@ impl TransitionSystem for Continuous {
         self.paths_to(to).bend(&self.graph, from)
     }
 
+    fn walk(&self, from: Point2<f64>, to: Point2<f64>, visit: &mut dyn FnMut(Point2<f64>)) {
+        if self.map().is_free_between(from, to) {
+            return visit(to);
+        }
+        self.paths_to(to).bends(&self.graph, from, visit);
+    }
+
     fn part(&self, spot: &Spot) -> Option<u32> {
         let cells = self.map().cells(spot.letter);
         let parts = &self.parts[spot.letter.index()];

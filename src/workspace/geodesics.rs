@@ -253,16 +253,14 @@ impl Wavefront {
         }
     }
 
-    /// The bends of the path from a corner to the target, both included.
-    pub(super) fn chain(&self, mesh: &Mesh, corner: u32) -> Vec<Point2<f64>> {
-        let mut chain = Vec::new();
+    /// Visits the bends of the path from a corner, that corner first and the target last.
+    pub(super) fn chain(&self, mesh: &Mesh, corner: u32, visit: &mut dyn FnMut(Point2<f64>)) {
         let mut p = corner;
         while p != NONE {
-            chain.push(mesh.point(p));
+            visit(mesh.point(p));
             p = self.next[p as usize];
         }
-        chain.push(self.target);
-        chain
+        visit(self.target);
     }
 
     /// The length of the path from a corner; infinite if none is known.

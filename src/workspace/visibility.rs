@@ -228,10 +228,21 @@ impl PathsTo {
             path.push(self.target);
             return Some(path);
         }
-        let corner = self.leg_around(graph, from)?.corner?;
-        let front = self.front.read().unwrap_or_else(PoisonError::into_inner);
-        path.extend(front.chain(&graph.mesh, corner));
-        Some(path)
+        self.bends(graph, from, &mut |p| path.push(p));
+        (path.len() > 1).then_some(path)
+    }
+
+    /// Visits the bends of the shortest path from a point that does not see the target, and the target.
+    pub(crate) fn bends(
+        &self,
+        graph: &VisibilityGraph,
+        from: Point2<f64>,
+        visit: &mut dyn FnMut(Point2<f64>),
+    ) {
+        if let Some(corner) = self.leg_around(graph, from).and_then(|leg| leg.corner) {
+            let front = self.front.read().unwrap_or_else(PoisonError::into_inner);
+            front.chain(&graph.mesh, corner, visit);
+        }
     }
 
     /// The first leg of the shortest path from a point that does not see the target.

@@ -47,7 +47,13 @@ impl Tree<'_> {
         let began = self.clock.start();
         self.reachable_states(&spot, &mut neighbours, &mut ways);
         self.clock.stop(began, |s| &mut s.extend);
-        if ways.found.is_empty() && !finite && near.more > neighbours.len() {
+        // Where a cost limit ruled some out, others further away are no help.
+        let limited = |n: &Neighbour| n.bound >= self.limit;
+        if ways.found.is_empty()
+            && !finite
+            && near.more > neighbours.len()
+            && !neighbours.iter().any(limited)
+        {
             let began = self.clock.start();
             known = self.find_more(spot, near, &mut neighbours);
             self.clock.stop(began, |s| &mut s.near);
@@ -61,6 +67,7 @@ impl Tree<'_> {
         if let Some(site) = site {
             let began = self.clock.start();
             self.rewire(site, &mut neighbours, &mut ways);
+            self.pass_on();
             self.clock.stop(began, |s| &mut s.rewire);
         }
         ways.clear();
@@ -76,7 +83,7 @@ impl Tree<'_> {
             let Way { from, length, .. } = ways.into[state.index()];
             self.connect(site, state, self.cost(from) + length, from.0);
         }
-        self.settle_states(site);
+        self.settle(site);
         site
     }
 
@@ -184,6 +191,7 @@ impl Tree<'_> {
         let mut reach = Reach {
             states: 0,
             most: 0.0,
+            limit: self.limit,
             few: self.by_state.len() <= 64,
         };
         for i in 0..neighbours.len() {
@@ -282,7 +290,7 @@ impl Tree<'_> {
             improved = true;
         }
         if improved {
-            self.settle_states(neighbour.site);
+            self.settle(neighbour.site);
         }
         let costs = self.at_site(neighbour.site).iter();
         let most = costs.map(|&(_, n)| self.cost(n)).fold(0.0, f64::max);
@@ -307,6 +315,8 @@ struct Reach {
     states: u64,
     /// No way costs more.
     most: f64,
+    /// Nothing that costs so much is wanted.
+    limit: f64,
     /// Whether each state has a bit of its own.
     few: bool,
 }
@@ -315,6 +325,9 @@ impl Reach {
     /// Whether a neighbour can lead to a new state or be a cheaper way: one that leads only to states
     /// that are reached more cheaply has nothing to give, now or later.
     fn wants(&self, ranks: &[super::Rank], neighbour: &Neighbour) -> bool {
+        if neighbour.bound >= self.limit {
+            return false;
+        }
         let cheaper = neighbour.bound < self.most;
         cheaper || !self.few || ranks[neighbour.site.0 as usize].targets & !self.states != 0
     }

@@ -14,7 +14,7 @@ use nalgebra::Point2;
 use nngtl::alphabet::Alphabet;
 use nngtl::automaton::{Limits, Nba, StateId, Task, Transition};
 use nngtl::planner::{
-    Improvement, PlanError, Problem, Sampler, Settings, Solution, Stats, Stop, plan, profile,
+    First, Improvement, PlanError, Problem, Sampler, Settings, Solution, Stats, Stop, plan, profile,
 };
 use nngtl::system::Continuous;
 use nngtl::workspace::{Bounds, Polygon, Region, Workspace};
@@ -53,6 +53,9 @@ fn translated(text: &'static str) -> impl Fn(&Arc<Alphabet>) -> Task {
     }
 }
 
+/// Runs of which the fastest counts.
+const REPEATS: usize = 5;
+
 /// Half the side of the mission's goal region: what its point may lie off the target.
 const GOAL: f64 = 5e-5;
 
@@ -73,11 +76,12 @@ fn reach_avoid() -> Problem {
     )
 }
 
-/// RRT* by its radius rule: γ = 2·√(1 + 1/2)·√(μ / π), with μ ≤ 1 the free area.
+/// RRT* by its radius rule: γ = √(2·(1 + 1/2))·√(μ / π) (S. Karaman, E. Frazzoli, IJRR 2011, theorem 38)
+/// with μ = 1, the area of the map, and a tenth more, as OMPL's RRT* has it.
 fn by_radius() -> Settings {
     Settings {
         range: Some(0.25),
-        radius: 1.4,
+        radius: 1.1 * (3.0 / std::f64::consts::PI).sqrt(),
         neighbours: 1e6,
         ..Settings::default()
     }
@@ -113,11 +117,39 @@ fn cost_after(improvements: &[Improvement], seconds: f64) -> Option<f64> {
     known.last().map(|i| i.cost)
 }
 
+/// The median of the first plans of several seeds, by time. Points are drawn on the shortest way more often
+/// than by default, as it is the first path that is asked for.
+fn first_plans(problem: &Problem, sampler: &Sampler, settings: &Settings) -> Option<First> {
+    if matches!(sampler, Sampler::Uniform) {
+        return None; // uniform points rarely meet so small a goal
+    }
+    let settings = Settings {
+        time_limit: Some(0.01),
+        p_target: 0.5,
+        y_rand: 0.95,
+        ..settings.clone()
+    };
+    let settings = &settings;
+    let first = |seed| {
+        let settings = Settings {
+            seed,
+            ..settings.clone()
+        };
+        search(problem, sampler, &settings).0.first_plan
+    };
+    let mut all: Vec<First> = (0..21).filter_map(first).collect();
+    all.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
+    all.get(10).copied()
+}
+
 fn mission() {
     let problem = reach_avoid();
-    println!("reach-avoid mission, optimum {:.6}", optimum());
     println!(
-        "| sampler | near | vertices | added a second | first path ms | length first | 0.01 s | 0.1 s | 1 s |"
+        "reach-avoid mission, optimum {:.6}; first path: median of 21 seeds with p_target 0.5 and y_rand 0.95",
+        optimum()
+    );
+    println!(
+        "| sampler | near | vertices | added a second | first path ms (iterations) | length first | 0.01 s | 0.1 s | 1 s |"
     );
     println!("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |");
     let samplers = [Sampler::Uniform, Sampler::Biased];
@@ -127,8 +159,9 @@ fn mission() {
                 iterations: 14_700,
                 ..settings.clone()
             };
-            search(&problem, sampler, &growth); // warm caches
-            let (grown, _) = search(&problem, sampler, &growth);
+            let runs = (0..REPEATS).map(|_| search(&problem, sampler, &growth).0);
+            let grown = runs.max_by(|a, b| rate(a).total_cmp(&rate(b)));
+            let grown = grown.expect("at least one run");
             let timed = Settings {
                 iterations: u64::MAX,
                 time_limit: Some(1.0),
@@ -139,7 +172,7 @@ fn mission() {
                 let cost = cost_after(&stats.improvements, s);
                 cost.map_or("–".to_owned(), |c| format!("{c:.5}"))
             };
-            let first = stats.first_plan;
+            let first = first_plans(&problem, sampler, &timed);
             if let Some(found) = found {
                 assert!(found.cost.total > optimum() - 3.0 * GOAL);
             }
@@ -148,8 +181,14 @@ fn mission() {
                 sampler.name(),
                 grown.sites,
                 rate(&grown),
-                first.map_or("–".to_owned(), |f| format!("{:.3}", 1e3 * f.seconds)),
-                first.map_or("–".to_owned(), |f| format!("{:.5}", f.cost)),
+                first.map_or("–".to_owned(), |f| format!(
+                    "{:.3} ({})",
+                    1e3 * f.seconds,
+                    f.iterations
+                )),
+                stats
+                    .first_plan
+                    .map_or("–".to_owned(), |f| format!("{:.5}", f.cost)),
                 length(0.01),
                 length(0.1),
                 length(1.0),
@@ -167,12 +206,15 @@ fn tree() {
     println!("| ---: | ---: | ---: | ---: | ---: | ---: |");
     let mut first = None;
     let mut before: Option<Stats> = None;
-    for iterations in [1_000, 3_000, 10_000, 30_000, 100_000] {
+    for iterations in [500, 1_000, 3_000, 10_000, 30_000, 70_000, 100_000] {
         let settings = Settings {
             iterations,
             ..by_count()
         };
-        let (stats, _) = search(&problem, &Sampler::Uniform, &settings);
+        // Other programs on the machine only make it slower.
+        let runs = (0..REPEATS).map(|_| search(&problem, &Sampler::Uniform, &settings).0);
+        let stats = runs.min_by(|a, b| a.seconds.total_cmp(&b.seconds));
+        let stats = stats.expect("at least one run");
         // What the last part of the growth cost, not the mean since the beginning.
         let (sites, seconds) = before.as_ref().map_or((0, 0.0), |b| (b.sites, b.seconds));
         let each = 1e6 * (stats.seconds - seconds) / (stats.sites - sites) as f64;
@@ -309,15 +351,8 @@ fn split() {
             iterations: 30_000,
             ..by_count()
         };
-        let parts = match profile(&problem, &sampler, &settings) {
-            Ok((_, split)) => split.parts(),
-            // Uniform points rarely meet so small a goal.
-            Err(PlanError::NotFound(_)) => {
-                println!("{}: no plan, so nothing is told", sampler.name());
-                continue;
-            }
-            Err(other) => panic!("{other}"),
-        };
+        let split = profile(&problem, &sampler, &settings).expect("the settings are sound");
+        let parts = split.parts();
         let total: f64 = parts.iter().map(|p| p.1).sum();
         print!("{}: {:.2} µs", sampler.name(), 1e6 * total / 30_000.0);
         for (name, seconds) in parts {

@@ -80,8 +80,18 @@ pub trait TransitionSystem: Send + Sync {
     /// `keep`, what was found out about `to` is kept for later calls.
     fn first_leg(&self, from: Point2<f64>, to: Point2<f64>, keep: bool) -> Option<Leg>;
 
+    /// Calls `visit` with every point at which the shortest path from `from` to `to` that meets no obstacle
+    /// bends, in order, and with `to`; not at all if there is no path. What is found out about `to` is
+    /// kept for later calls. Systems that know the [first leg](Self::first_leg) only tell that.
+    fn walk(&self, from: Point2<f64>, to: Point2<f64>, visit: &mut dyn FnMut(Point2<f64>)) {
+        if let Some(next) = self.first_leg(from, to, true) {
+            visit(next.to);
+        }
+    }
+
     /// In a system of finitely many places: puts every place that one move from `from` leads to
-    /// (staying left out) into `into` and returns `true`. `false` where places are infinitely many.
+    /// (staying left out) into `into` and returns `true`. `false` where places are infinitely many; then
+    /// the cost of a move is its Euclidean length.
     fn neighbours(&self, _from: &Spot, _into: &mut Vec<Spot>) -> bool {
         false
     }

@@ -170,7 +170,7 @@ fn run(rooms: usize) {
     }
     let single = began.elapsed() / 20;
     println!(
-        "{rooms} × {rooms} rooms: {} obstacles, {vertices} vertices; loaded in {loaded:.2?}, triangulated in {meshed:.2?}, all paths to a point {first:.2?} (links found on the way), to another {again:.2?}, first leg {entry:.2?}, first leg to a new point {single:.2?}; way across: {} bends",
+        "{rooms} × {rooms} rooms: {} obstacles, {vertices} vertices; loaded in {loaded:.2?}, triangulated in {meshed:.2?}, a wavefront begun in {first:.2?}, another in {again:.2?}, first leg {entry:.2?}, first leg to a new point {single:.2?}; way across: {} bends",
         scenario.workspace.obstacles().len(),
         way.len() - 2
     );
@@ -186,9 +186,7 @@ fn run(rooms: usize) {
         let scenario = Scenario::load_with(&path, None, &overrides).unwrap();
         let (found, text) = plan(&scenario, narrow);
         println!("  {formula}: {text}");
-        // A round trip through a maze needs more luck than this test has time for.
-        let small = rooms <= 60 && narrow && !formula.contains("[]");
-        assert!(found || !small, "{text}");
+        assert!(found, "{text}");
     }
     assert!(loaded < Duration::from_secs(60), "{loaded:?}");
 }

@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use nalgebra::Point2;
 use nngtl::automaton::{Limits, Task};
-use nngtl::planner::{Problem, Sampler, Settings, Stop, plan};
+use nngtl::guidance::{Guidance, Heatmap};
+use nngtl::planner::{Guide, Problem, Sampler, Settings, Stop, plan};
 use nngtl::system::Continuous;
 use nngtl::workspace::{Bounds, Polygon, Region, Workspace};
 
@@ -43,8 +44,8 @@ fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Polygon {
     Polygon::rectangle(Point2::new(x0, y0), Point2::new(x1, y1)).unwrap()
 }
 
-/// A mission; with a wall in the way or not.
-fn problem(wall: bool) -> Problem {
+/// A mission in rooms: four walls with doors, clutter, and three regions, one of them to be avoided.
+fn problem() -> Problem {
     let region = |name: &str, polygon| Region {
         name: name.to_owned(),
         polygon,
@@ -52,16 +53,22 @@ fn problem(wall: bool) -> Problem {
     let regions = vec![
         region("a", rectangle(0.8, 0.1, 0.9, 0.2)),
         region("b", rectangle(0.1, 0.8, 0.2, 0.9)),
+        region("c", rectangle(0.45, 0.45, 0.55, 0.55)),
     ];
-    let obstacles = if wall {
-        vec![rectangle(0.4, 0.0, 0.6, 0.7)]
-    } else {
-        Vec::new()
-    };
+    let mut obstacles = vec![
+        rectangle(0.3, 0.0, 0.33, 0.7),
+        rectangle(0.6, 0.3, 0.63, 1.0),
+        rectangle(0.33, 0.6, 0.5, 0.63),
+        rectangle(0.0, 0.65, 0.2, 0.68),
+    ];
+    for i in 0..25_u32 {
+        let (x, y) = (f64::from(i % 5) * 0.2 + 0.03, f64::from(i / 5) * 0.2 + 0.03);
+        obstacles.push(rectangle(x, y, x + 0.03, y + 0.02));
+    }
     let map = Workspace::new(Bounds::unit(), obstacles, regions).unwrap();
-    let system = Continuous::new(Arc::new(map), Point2::new(0.1, 0.1)).unwrap();
+    let system = Continuous::new(Arc::new(map), Point2::new(0.1, 0.15)).unwrap();
     let letters = Arc::clone(system.map().alphabet());
-    let formula = "F (a & F b)".parse().unwrap();
+    let formula = "F (a & F b) & G !c".parse().unwrap();
     let task = Task::from_formula(&formula, letters, &Limits::default()).unwrap();
     Problem {
         start: system.start(),
@@ -72,8 +79,7 @@ fn problem(wall: bool) -> Problem {
 }
 
 /// Allocations from one moment of a search to another.
-fn allocations(sampler: &Sampler, wall: bool, from: u64, to: u64) -> u64 {
-    let problem = problem(wall);
+fn allocations(problem: &Problem, sampler: &Sampler, from: u64, to: u64) -> u64 {
     let settings = Settings {
         iterations: to,
         shorten: false,
@@ -88,17 +94,38 @@ fn allocations(sampler: &Sampler, wall: bool, from: u64, to: u64) -> u64 {
         }
         after = now;
     };
-    plan(&problem, sampler, &settings, &Stop::new(), &mut observe).unwrap();
+    plan(problem, sampler, &settings, &Stop::new(), &mut observe).unwrap();
     after - before.unwrap()
+}
+
+/// Networks that favour the diagonal.
+fn guide(problem: &Problem) -> Guide {
+    let side = 200;
+    let cell = |k: usize| {
+        if (k / side).abs_diff(k % side) < 40 {
+            0.9
+        } else {
+            0.1
+        }
+    };
+    let states = problem.task.nba.len();
+    let guidance = Guidance {
+        heatmap: Heatmap {
+            side,
+            values: (0..side * side).map(cell).collect(),
+        },
+        states: vec![0.5; states],
+    };
+    Guide::new(&guidance, states).unwrap()
 }
 
 #[test]
 fn iterations_allocate_nothing_but_doublings() {
-    // The biased sampler asks the map for shortest paths around what is in its way; what those queries
-    // allocate is the map's affair, so its mission has nothing in the way.
-    for (sampler, wall) in [(Sampler::Uniform, true), (Sampler::Biased, false)] {
+    let problem = problem();
+    let guided = Sampler::Guided(Arc::new(guide(&problem)));
+    for sampler in [Sampler::Uniform, Sampler::Biased, guided] {
         // Arrays double a few times, and each better plan is written down once.
-        let count = allocations(&sampler, wall, 10_000, 40_000);
+        let count = allocations(&problem, &sampler, 20_000, 50_000);
         assert!(
             count < 300,
             "{}: {count} in 30,000 iterations",

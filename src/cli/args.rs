@@ -191,7 +191,7 @@ pub(super) struct SearchArgs {
     /// Probability to draw towards the target instead of uniformly
     #[arg(long, value_name = "P", default_value_t = Settings::default().y_rand)]
     pub(super) y_rand: f64,
-    /// Probability to draw from a target's region where it is in sight
+    /// Probability to draw on the shortest way: from the target's region in sight, else the next bend
     #[arg(long, value_name = "P", default_value_t = Settings::default().p_target)]
     pub(super) p_target: f64,
     /// Standard deviation of the drawn distance, relative to the map's side

@@ -9,9 +9,10 @@ use serde::{Deserialize, Serialize};
 use super::parallel::MAX_THREADS;
 use super::tree::Near;
 
-/// However small the tree, so many sites are connected: a point that is drawn far ahead is often in sight of
-/// few of those near it.
-const LEAST_NEIGHBOURS: usize = 250;
+/// So many sites are connected where RRT*'s rules name fewer and none of those leads to the point, and
+/// in small trees from the beginning: a point that is drawn far ahead is often in sight of few of those
+/// near it.
+const MORE_NEIGHBOURS: usize = 250;
 
 /// Parameters of TL-RRT* and its samplers; the defaults are the papers' values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -50,8 +51,9 @@ pub struct Settings {
     pub p_closest: f64,
     /// Probability that a point is drawn towards the target and not uniformly (S-6, C-2).
     pub y_rand: f64,
-    /// Probability that a point drawn towards a target in sight is drawn uniformly from the target's
-    /// region (ours: the papers' distribution hardly ever meets a small region).
+    /// Probability that a point drawn towards a target lies on the shortest way there: uniform in the
+    /// target's region if that is in sight, else at the first bend that the tree has not reached (ours: the
+    /// papers' distribution hardly ever meets a small region or a narrow door).
     pub p_target: f64,
     /// Standard deviation of the distance from the closest node, relative to the map's side (S-6).
     pub distance_deviation: f64,
@@ -231,9 +233,13 @@ impl Settings {
         let n = sites as f64;
         let log = libm::log(n + 1.0);
         let shrinking = self.radius * (log / n).sqrt();
+        // All of a small tree, and a quarter as many of one twice that size.
+        let most = MORE_NEIGHBOURS as f64;
+        let wide = most * (most / n).powi(2).min(1.0);
         Near {
             radius: shrinking.min(self.max_radius) * side,
-            count: ((self.neighbours * log).ceil() as usize).max(LEAST_NEIGHBOURS),
+            count: (self.neighbours * log).max(wide).ceil() as usize,
+            more: MORE_NEIGHBOURS,
         }
     }
 

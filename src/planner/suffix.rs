@@ -34,9 +34,16 @@ impl<'a> SuffixTree<'a> {
         }
     }
 
+    /// Whether any way back is known.
+    pub(crate) fn is_closed(&self) -> bool {
+        self.best.is_some()
+    }
+
     /// The length of the cheapest way back.
     pub(crate) fn length(&self) -> Option<f64> {
-        self.best.map(|(length, _)| length)
+        let (length, node) = self.best?;
+        let coming = self.tree.cost(node) - self.tree.length_to(node);
+        Some(length - coming)
     }
 
     /// The nodes that were new or cheaper when it was last tried to close the cycle.
@@ -126,7 +133,11 @@ impl Entry {
                 best = Some(Self { at, node, length });
             }
         }
-        best
+        // What has not come down to the node yet is saved all the same.
+        best.map(|b| Self {
+            length: b.length - prefix.cost(b.node) + prefix.length_to(b.node),
+            ..b
+        })
     }
 
     /// The plan that enters the cycle here.

@@ -3,6 +3,7 @@
 //! Product states that share a place share one *site*: its letter, its entry in the spatial index
 //! and the collision check of a move between two places are found once for all automaton states.
 
+mod grow;
 mod links;
 mod near;
 mod reach;
@@ -10,6 +11,7 @@ mod steps;
 mod ways;
 
 use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use nalgebra::Point2;
@@ -19,10 +21,11 @@ use super::split::{Began, Clock, Split};
 use crate::automaton::{Nba, StateId};
 use crate::plan::Waypoint;
 use crate::system::{Spot, TransitionSystem};
+use grow::Neighbour;
 pub(crate) use near::Near;
 use near::{Hit, SiteIndex};
 use steps::Steps;
-use ways::{Way, Ways};
+use ways::Ways;
 
 /// The number of a node (a product state) of a [`Tree`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -46,6 +49,10 @@ const IMPROVEMENT: f64 = 1e-12;
 
 #[derive(Clone, Debug)]
 struct Node {
+    /// The length of the path to it.
+    cost: f64,
+    /// By how much the paths to its children got shorter that they do not know of yet.
+    owed: f64,
     site: SiteId,
     state: StateId,
     parent: u32,
@@ -54,30 +61,26 @@ struct Node {
     previous_sibling: u32,
 }
 
-/// A place, with where its nodes stand in [`Tree::here`].
+/// A place.
 #[derive(Clone, Copy, Debug)]
 struct Site {
     spot: Spot,
-    first: u32,
-    len: u32,
+    /// How many nodes fit where those of the site stand in [`Tree::here`].
     room: u32,
+}
+
+/// What is asked of every site that is near: half a cache line, apart from what is asked of few.
+#[derive(Clone, Copy, Debug)]
+struct Rank {
     /// The least cost of its nodes.
     least: f64,
     /// No node costs more.
     most: f64,
     /// The states that can follow its nodes, each as bit number `state mod 64`.
     targets: u64,
-}
-
-/// A place near the one that is being added.
-#[derive(Clone, Copy, Debug)]
-struct Neighbour {
-    site: SiteId,
-    distance: f64,
-    /// The least cost of any node there, plus the distance: what an edge from there costs at least.
-    bound: f64,
-    /// Whether a move is possible, once that was asked.
-    visible: Option<bool>,
+    /// Where its nodes stand in [`Tree::here`].
+    first: u32,
+    len: u32,
 }
 
 /// A tree of product states with least-cost paths from its root.
@@ -88,9 +91,8 @@ pub struct Tree<'a> {
     /// What `nba` does on each letter.
     steps: Arc<Steps>,
     sites: Vec<Site>,
+    ranks: Vec<Rank>,
     nodes: Vec<Node>,
-    /// For each node the length of the path to it.
-    costs: Vec<f64>,
     /// For each site its nodes by ascending automaton state, with room to grow. A site that needs
     /// more moves to the end; what it leaves behind is lost, but never more than is in use.
     here: Vec<(StateId, NodeId)>,
@@ -107,10 +109,14 @@ pub struct Tree<'a> {
     // Buffers that are kept between calls, so that growing allocates nothing.
     hits: Vec<Hit>,
     neighbours: Vec<Neighbour>,
+    tried: Vec<SiteId>,
     /// Places one move away, in systems of finitely many places.
     moves: Vec<Spot>,
     ways: Ways,
-    stack: Vec<(NodeId, f64)>,
+    /// Nodes that owe their children something.
+    owing: VecDeque<NodeId>,
+    /// How many nodes get cheaper in one step at most, but for those that are rerouted themselves.
+    allowance: usize,
     open: Vec<NodeId>,
 }
 
@@ -140,6 +146,7 @@ impl<'a> Tree<'a> {
         let mut tree =
             Self::with_steps(self.system, self.nba, Arc::clone(&self.steps), root, states);
         tree.clock = self.clock.same();
+        tree.allowance = self.allowance;
         tree
     }
 
@@ -155,8 +162,8 @@ impl<'a> Tree<'a> {
             nba,
             steps,
             sites: Vec::new(),
+            ranks: Vec::new(),
             nodes: Vec::new(),
-            costs: Vec::new(),
             here: Vec::new(),
             index: SiteIndex::default(),
             by_state: vec![Vec::new(); nba.len()],
@@ -166,9 +173,11 @@ impl<'a> Tree<'a> {
             leads: RefCell::default(),
             hits: Vec::new(),
             neighbours: Vec::new(),
+            tried: Vec::new(),
             moves: Vec::new(),
             ways: Ways::new(nba.len()),
-            stack: Vec::new(),
+            owing: VecDeque::new(),
+            allowance: usize::MAX,
             open: Vec::new(),
         };
         let site = tree.add_site(root);
@@ -221,10 +230,29 @@ impl<'a> Tree<'a> {
         self.nodes[node.index()].state
     }
 
-    /// The length of the path from the root to a node, in map units.
+    /// The length of the path from the root to a node, in map units; more than that while savings have not
+    /// come down to it yet.
     #[must_use]
     pub fn cost(&self, node: NodeId) -> f64 {
-        self.costs[node.index()]
+        self.nodes[node.index()].cost
+    }
+
+    /// The length of the path from the root to a node, whatever has not come down to it yet.
+    pub(crate) fn length_to(&self, node: NodeId) -> f64 {
+        let mut length = self.cost(node);
+        let mut next = self.nodes[node.index()].parent;
+        while next != NONE {
+            let ancestor = &self.nodes[next as usize];
+            length -= ancestor.owed;
+            next = ancestor.parent;
+        }
+        length
+    }
+
+    /// Lets no more than so many nodes below those that are rerouted get cheaper in one step; others
+    /// wait for the next. In a product with a large automaton a step can concern most of the tree.
+    pub(crate) fn pass_on_at_most(&mut self, allowance: usize) {
+        self.allowance = allowance;
     }
 
     /// Whether a node is at the root's place.
@@ -281,8 +309,8 @@ impl<'a> Tree<'a> {
 
     /// The nodes at a site, by ascending automaton state.
     pub(crate) fn at_site(&self, site: SiteId) -> &[(StateId, NodeId)] {
-        let site = &self.sites[site.0 as usize];
-        &self.here[site.first as usize..][..site.len as usize]
+        let rank = &self.ranks[site.0 as usize];
+        &self.here[rank.first as usize..][..rank.len as usize]
     }
 
     /// Adds no nodes from now on that cost as much as `limit` or more.
@@ -348,6 +376,7 @@ impl<'a> Tree<'a> {
             None => (self.add_node(site, state, cost, parent.0), true),
             Some(old) if improves(cost, self.cost(old)) => {
                 self.reparent(old, parent, cost);
+                self.pass_on();
                 (old, true)
             }
             Some(old) => (old, false),
@@ -364,6 +393,7 @@ impl<'a> Tree<'a> {
             }
             Some(old) if improves(cost, self.cost(old)) => {
                 self.reparent(old, NodeId(NONE), cost);
+                self.pass_on();
             }
             Some(_) => {}
         }
@@ -374,209 +404,26 @@ impl<'a> Tree<'a> {
         self.node_at(self.index.at(at)?, state)
     }
 
-    /// Extend and Rewire (`nngtl.md`, III-A, steps 3 to 6): connects `spot` in every automaton
-    /// state that it can be reached in, each at least cost from the sites `near` it and from
-    /// `also`; then reroutes those sites through it where that is cheaper. A place that is in the tree
-    /// already is not added again, but what reaches it more cheaply, or in another state, is kept.
-    /// Whether a move between two places is possible is asked once at most.
-    ///
-    /// Returns the site if anything was connected to it.
-    pub(crate) fn extend(&mut self, spot: Spot, near: Near, also: &[SiteId]) -> Option<SiteId> {
-        let mut neighbours = std::mem::take(&mut self.neighbours);
-        let mut moves = std::mem::take(&mut self.moves);
-        let mut ways = std::mem::replace(&mut self.ways, Ways::new(0));
-        let began = self.clock.start();
-        if self.system.neighbours(&spot, &mut moves) {
-            self.take_neighbours(spot, &moves, &mut neighbours);
-        } else {
-            self.find_neighbours(spot, near, also, &mut neighbours);
-        }
-        self.clock.stop(began, |s| &mut s.near);
-        let began = self.clock.start();
-        self.reachable_states(&spot, &mut neighbours, &mut ways);
-        let site = (!ways.found.is_empty()).then(|| self.join(spot, &ways));
-        self.clock.stop(began, |s| &mut s.extend);
-        if let Some(site) = site {
-            let began = self.clock.start();
-            self.rewire(site, &mut neighbours, &mut ways);
-            self.clock.stop(began, |s| &mut s.rewire);
-        }
-        ways.clear();
-        (self.neighbours, self.moves, self.ways) = (neighbours, moves, ways);
-        site
-    }
-
-    /// Adds a place with the states that lead to it.
-    fn join(&mut self, spot: Spot, ways: &Ways) -> SiteId {
-        let known = self.index.at(spot.at);
-        let site = known.unwrap_or_else(|| self.add_site(spot));
-        for &state in &ways.found {
-            // Of a known place the parent can have become cheaper by what was connected before.
-            let Way { from, length, .. } = ways.into[state.index()];
-            self.connect(site, state, self.cost(from) + length, from.0);
-        }
-        self.settle_states(site);
-        site
-    }
-
-    /// Step 3 where places are finitely many: all sites one move away, however far.
-    fn take_neighbours(&self, spot: Spot, moves: &[Spot], neighbours: &mut Vec<Neighbour>) {
-        neighbours.clear();
-        for there in moves {
-            let Some(site) = self.index.at(there.at) else {
-                continue;
-            };
-            let distance = self.system.distance(there.at, spot.at);
-            neighbours.push(Neighbour {
-                site,
-                distance,
-                bound: self.sites[site.0 as usize].least + distance,
-                visible: Some(true),
-            });
-        }
-        sort_by_bound(neighbours);
-    }
-
-    /// Step 3: the sites `near` the place, and `also`, the cheapest way in first.
-    fn find_neighbours(
-        &mut self,
-        spot: Spot,
-        near: Near,
-        also: &[SiteId],
-        neighbours: &mut Vec<Neighbour>,
-    ) {
-        neighbours.clear();
-        let mut hits = std::mem::take(&mut self.hits);
-        self.index.near(spot.at, near, &mut hits);
-        let mut add = |site: SiteId| {
-            let at = self.site_spot(site).at;
-            if at == spot.at {
-                return;
-            }
-            let distance = self.system.distance(at, spot.at);
-            neighbours.push(Neighbour {
-                site,
-                distance,
-                bound: self.sites[site.0 as usize].least + distance,
-                visible: None,
-            });
-        };
-        hits.iter().for_each(|hit| add(hit.site));
-        let missing = |site: &&SiteId| !hits.iter().any(|hit| hit.site == **site);
-        also.iter().filter(missing).for_each(|&site| add(site));
-        sort_by_bound(neighbours);
-        neighbours.dedup_by_key(|n| n.site);
-        self.hits = hits;
-    }
-
-    /// Steps 4 and 5: the automaton states in which `spot` can be reached, each with its least
-    /// cost and the node that gives it. Moves are checked only where they would be the cheapest so
-    /// far: neighbours come in the order of their bounds.
-    fn reachable_states(&mut self, spot: &Spot, neighbours: &mut [Neighbour], ways: &mut Ways) {
-        // A site that leads to states only that are reached more cheaply has nothing to give.
-        let (mut reached, mut most) = (0, 0.0);
-        let few = self.by_state.len() <= 64;
-        for neighbour in neighbours {
-            let site = &self.sites[neighbour.site.0 as usize];
-            if few && neighbour.bound >= most && site.targets & !reached == 0 {
-                continue;
-            }
-            let letter = site.spot.letter;
-            for i in 0..self.at_site(neighbour.site).len() {
-                let (state, node) = self.at_site(neighbour.site)[i];
-                let cost = self.cost(node) + neighbour.distance;
-                if cost >= self.limit {
-                    continue;
-                }
-                for k in self.steps.range(letter, state) {
-                    let target = self.steps.target(k);
-                    if ways.cost(target) <= cost {
-                        continue;
-                    }
-                    if !self.is_visible(neighbour, spot) {
-                        break;
-                    }
-                    ways.set(target, cost, node, neighbour.distance);
-                    reached |= bit(target);
-                    most = f64::max(most, cost);
-                }
-                if neighbour.visible == Some(false) {
-                    break;
-                }
-            }
-        }
-        ways.sort();
-    }
-
-    /// Step 6: reroutes neighbours through `site` where that is cheaper.
-    fn rewire(&mut self, site: SiteId, neighbours: &mut [Neighbour], ways: &mut Ways) {
-        let spot = self.site_spot(site);
-        // The cheapest node to leave from, for each state that can follow.
-        ways.clear();
-        for &(state, node) in self.at_site(site) {
-            let cost = self.cost(node);
-            for k in self.steps.range(spot.letter, state) {
-                let target = self.steps.target(k);
-                if cost < ways.cost(target) {
-                    ways.set(target, cost, node, 0.0);
-                }
-            }
-        }
-        let least = self.sites[site.0 as usize].least;
-        for neighbour in neighbours {
-            let most = self.sites[neighbour.site.0 as usize].most;
-            if neighbour.visible == Some(false) || !improves(least + neighbour.distance, most) {
-                continue;
-            }
-            let mut improved = false;
-            for i in 0..self.at_site(neighbour.site).len() {
-                let (state, old) = self.at_site(neighbour.site)[i];
-                let way = ways.into[state.index()];
-                if way.cost == f64::INFINITY {
-                    continue;
-                }
-                // Rerouting one neighbour can have made a node here cheaper that hangs below it.
-                let from = way.from;
-                let cost = self.cost(from) + neighbour.distance;
-                if !improves(cost, self.cost(old)) {
-                    continue;
-                }
-                if !self.is_visible(neighbour, &spot) {
-                    break;
-                }
-                self.reparent(old, from, cost);
-                improved = true;
-            }
-            if improved {
-                self.settle_states(neighbour.site);
-            }
-            let costs = self.at_site(neighbour.site).iter();
-            let most = costs.map(|&(_, n)| self.cost(n)).fold(0.0, f64::max);
-            self.sites[neighbour.site.0 as usize].most = most;
-        }
-    }
-
-    fn is_visible(&mut self, neighbour: &mut Neighbour, spot: &Spot) -> bool {
-        if let Some(known) = neighbour.visible {
-            return known;
-        }
-        let began = self.clock.start();
-        let visible = self.system.step(&self.site_spot(neighbour.site), spot);
-        self.clock.stop(began, |s| &mut s.collision);
-        neighbour.visible = Some(visible);
-        visible
-    }
-
     /// Staying at `site`: from each of its nodes the automaton may read the letter there without the
     /// robot moving. Runs until nothing gets cheaper.
     pub(crate) fn settle_states(&mut self, site: SiteId) {
+        self.settle(site);
+        self.pass_on();
+    }
+
+    /// As [`Self::settle_states`], and what follows further on is still owed.
+    fn settle(&mut self, site: SiteId) {
         let letter = self.site_spot(site).letter;
         let mut open = std::mem::take(&mut self.open);
         open.extend(self.at_site(site).iter().map(|&(_, n)| n));
         while let Some(node) = open.pop() {
             let (state, cost) = (self.state(node), self.cost(node));
             for k in self.steps.range(letter, state) {
-                if let Some(changed) = self.connect(site, self.steps.target(k), cost, node.0) {
+                let target = self.steps.target(k);
+                if target == state {
+                    continue;
+                }
+                if let Some(changed) = self.connect(site, target, cost, node.0) {
                     open.push(changed);
                 }
             }
@@ -604,14 +451,13 @@ impl<'a> Tree<'a> {
 
     fn add_site(&mut self, spot: Spot) -> SiteId {
         let id = SiteId(self.sites.len() as u32);
-        self.sites.push(Site {
-            spot,
-            first: self.here.len() as u32,
-            len: 0,
-            room: 0,
+        self.sites.push(Site { spot, room: 0 });
+        self.ranks.push(Rank {
             least: f64::INFINITY,
             most: 0.0,
             targets: 0,
+            first: self.here.len() as u32,
+            len: 0,
         });
         self.index.insert(spot.at, id);
         id
@@ -620,6 +466,8 @@ impl<'a> Tree<'a> {
     fn add_node(&mut self, site: SiteId, state: StateId, cost: f64, parent: u32) -> NodeId {
         let id = NodeId(self.nodes.len() as u32);
         self.nodes.push(Node {
+            cost,
+            owed: 0.0,
             site,
             state,
             parent: NONE,
@@ -627,17 +475,16 @@ impl<'a> Tree<'a> {
             next_sibling: NONE,
             previous_sibling: NONE,
         });
-        self.costs.push(cost);
         self.list_node(site, state, id);
         let letter = self.site_spot(site).letter;
         let targets = self
             .steps
             .range(letter, state)
             .fold(0, |set, k| set | bit(self.steps.target(k)));
-        let site = &mut self.sites[site.0 as usize];
-        site.least = site.least.min(cost);
-        site.most = site.most.max(cost);
-        site.targets |= targets;
+        let rank = &mut self.ranks[site.0 as usize];
+        rank.least = rank.least.min(cost);
+        rank.most = rank.most.max(cost);
+        rank.targets |= targets;
         self.by_state[state.index()].push(id);
         self.touched.push(id);
         if parent != NONE {
@@ -649,34 +496,30 @@ impl<'a> Tree<'a> {
     /// Enters a node into the list of its site, in the order of states.
     fn list_node(&mut self, site: SiteId, state: StateId, id: NodeId) {
         let i = self.at_site(site).partition_point(|&(q, _)| q < state);
-        let site = &mut self.sites[site.0 as usize];
-        let (first, len) = (site.first as usize, site.len as usize);
-        site.len += 1;
-        if len < site.room as usize {
+        let place = &mut self.sites[site.0 as usize];
+        let rank = &mut self.ranks[site.0 as usize];
+        let (first, len) = (rank.first as usize, rank.len as usize);
+        rank.len += 1;
+        if len < place.room as usize {
             self.here.copy_within(first + i..first + len, first + i + 1);
             self.here[first + i] = (state, id);
             return;
         }
         // Most sites have nodes in few states. The last site grows where it stands.
         let room = (2 * len).max(2);
-        site.room = room as u32;
+        place.room = room as u32;
         if first + len != self.here.len() {
-            site.first = self.here.len() as u32;
+            rank.first = self.here.len() as u32;
             self.here.extend_from_within(first..first + len);
         }
-        let first = site.first as usize;
+        let first = rank.first as usize;
         self.here.resize(first + room, (state, id));
         self.here.copy_within(first + i..first + len, first + i + 1);
         self.here[first + i] = (state, id);
     }
 }
 
-/// The cheapest way in first.
-fn sort_by_bound(neighbours: &mut [Neighbour]) {
-    neighbours.sort_unstable_by(|a, b| a.bound.total_cmp(&b.bound).then(a.site.cmp(&b.site)));
-}
-
-/// The bit of a state in [`Site::targets`].
+/// The bit of a state in [`Rank::targets`].
 fn bit(state: StateId) -> u64 {
     1 << (state.0 % 64)
 }

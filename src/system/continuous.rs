@@ -1,6 +1,6 @@
 //! The continuous workspace as a transition system: straight segments, Euclidean lengths.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::Point2;
@@ -10,6 +10,10 @@ use crate::alphabet::{Alphabet, Letter, LetterSet};
 use crate::random::Random;
 use crate::workspace::visibility::{PathsTo, VisibilityGraph};
 use crate::workspace::{Bounds, Place, Workspace};
+
+/// Shortest paths are kept up to so many units of 64 bytes (256 MiB), and those to the newest target
+/// however many they are.
+const MAX_KEPT: usize = 4 << 20;
 
 /// Why a robot cannot start where it should.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -44,8 +48,16 @@ pub struct Continuous {
     /// For each letter and cell, the number of the landmark that stands for it.
     parts: Vec<Vec<Option<u32>>>,
     reachable: LetterSet,
-    /// Paths to targets that were asked for more than once, by the bits of their coordinates.
-    paths: Mutex<HashMap<[u64; 2], Arc<PathsTo>>>,
+    paths: Mutex<Known>,
+}
+
+/// Paths to targets that are asked for more than once.
+#[derive(Debug, Default)]
+struct Known {
+    /// By the bits of the targets' coordinates.
+    paths: HashMap<[u64; 2], Arc<PathsTo>>,
+    /// The targets, oldest first.
+    order: VecDeque<[u64; 2]>,
 }
 
 impl Continuous {
@@ -120,19 +132,26 @@ impl Continuous {
     /// The shortest obstacle-free path between two free points, ends included.
     #[must_use]
     pub fn shortest_path(&self, from: Point2<f64>, to: Point2<f64>) -> Option<Vec<Point2<f64>>> {
-        self.paths_to(to, false).path(&self.graph, from)
+        self.graph.paths_to(to).path(&self.graph, from)
     }
 
-    fn paths_to(&self, to: Point2<f64>, keep: bool) -> Arc<PathsTo> {
-        if !keep {
-            return Arc::new(self.graph.paths_to(to));
-        }
+    fn paths_to(&self, to: Point2<f64>) -> Arc<PathsTo> {
         let key = [to.x.to_bits(), to.y.to_bits()];
         let mut known = self.paths.lock().unwrap_or_else(PoisonError::into_inner);
-        let paths = known
-            .entry(key)
-            .or_insert_with(|| Arc::new(self.graph.paths_to(to)));
-        Arc::clone(paths)
+        if let Some(paths) = known.paths.get(&key) {
+            return Arc::clone(paths);
+        }
+        // What is forgotten is found again when it is needed, with the same answers.
+        let mut size: usize = known.paths.values().map(|p| p.size()).sum();
+        while size > MAX_KEPT
+            && let Some(oldest) = known.order.pop_front()
+        {
+            size -= known.paths.remove(&oldest).map_or(0, |p| p.size());
+        }
+        let paths = Arc::new(self.graph.paths_to(to));
+        known.paths.insert(key, Arc::clone(&paths));
+        known.order.push_back(key);
+        paths
     }
 }
 
@@ -188,9 +207,14 @@ impl TransitionSystem for Continuous {
         if !keep {
             return self.graph.first_leg(from, to).map(leg);
         }
-        self.paths_to(to, keep)
-            .first_leg(&self.graph, from)
-            .map(leg)
+        self.paths_to(to).bend(&self.graph, from).map(leg)
+    }
+
+    fn walk(&self, from: Point2<f64>, to: Point2<f64>, visit: &mut dyn FnMut(Point2<f64>)) {
+        if self.map().is_free_between(from, to) {
+            return visit(to);
+        }
+        self.paths_to(to).bends(&self.graph, from, visit);
     }
 
     fn part(&self, spot: &Spot) -> Option<u32> {

@@ -83,6 +83,40 @@ impl Mesh {
         self.points.at.len()
     }
 
+    /// How many triangles there are.
+    pub(super) fn triangle_count(&self) -> usize {
+        self.triangles.len()
+    }
+
+    /// The place of a corner.
+    pub(super) fn point(&self, p: u32) -> Point2<f64> {
+        self.points.at[p as usize]
+    }
+
+    /// The corners of a triangle, counter-clockwise.
+    pub(super) fn corners(&self, triangle: u32) -> [u32; 3] {
+        self.triangles[triangle as usize]
+    }
+
+    /// The triangle beyond the edge opposite a triangle's corner with this place in [`Self::corners`];
+    /// `u32::MAX` if there is none.
+    pub(super) fn beyond(&self, triangle: u32, corner: usize) -> u32 {
+        self.across[triangle as usize][corner]
+    }
+
+    /// The triangles around a corner.
+    pub(super) fn around(&self, p: u32) -> &[u32] {
+        &self.around[self.first[p as usize] as usize..self.first[p as usize + 1] as usize]
+    }
+
+    /// The triangles around a point: those that contain it, or, at a corner, all that meet there.
+    pub(super) fn triangles_around(&self, p: Point2<f64>) -> SmallVec<[u32; 16]> {
+        match self.point_at(p) {
+            Some(corner) => SmallVec::from_slice(self.around(corner)),
+            None => self.triangles_at(p),
+        }
+    }
+
     /// The connected part of the free space that holds `p`; `None` away from free space.
     pub(super) fn component_at(&self, p: Point2<f64>) -> Option<u32> {
         let holds = self.triangles_at(p);
@@ -138,13 +172,7 @@ impl Mesh {
     /// Calls `visit` with every corner that is seen from `from`, some more than once; `false` if
     /// `from` lies in no free triangle.
     pub(super) fn visible(&self, from: Point2<f64>, visit: &mut dyn FnMut(u32)) -> bool {
-        let start: SmallVec<[u32; 16]> = match self.point_at(from) {
-            Some(p) => {
-                let range = self.first[p as usize] as usize..self.first[p as usize + 1] as usize;
-                SmallVec::from_slice(&self.around[range])
-            }
-            None => self.triangles_at(from),
-        };
+        let start = self.triangles_around(from);
         let mut open: Vec<View> = Vec::new();
         for &t in &start {
             let corners = self.triangles[t as usize];
@@ -229,7 +257,7 @@ impl Mesh {
     }
 
     /// The free triangles that contain `p`, up to the tolerance.
-    fn triangles_at(&self, p: Point2<f64>) -> SmallVec<[u32; 16]> {
+    pub(super) fn triangles_at(&self, p: Point2<f64>) -> SmallVec<[u32; 16]> {
         let contains = |&t: &usize| {
             let c = self.triangles[t].map(|i| self.points.at[i as usize]);
             (0..3).all(|k| {
@@ -251,8 +279,7 @@ impl Mesh {
     fn components(&self) -> Vec<u32> {
         let mut sets = Sets::new(self.triangles.len());
         for p in 0..self.points.at.len() {
-            let around = &self.around[self.first[p] as usize..self.first[p + 1] as usize];
-            for pair in around.windows(2) {
+            for pair in self.around(p as u32).windows(2) {
                 sets.join(pair[0], pair[1]);
             }
         }

@@ -7,6 +7,7 @@
 
 mod bands;
 mod cells;
+mod geodesics;
 mod index;
 mod lines;
 mod mesh;
@@ -153,6 +154,9 @@ pub struct Workspace {
     region_index: PolygonIndex,
     /// For each letter, the connected parts of the free space that carry it.
     cells: Vec<Vec<Cell>>,
+    /// All of them with their letters, and the running sums of their areas.
+    parts: Vec<(Letter, u32)>,
+    areas: Vec<f64>,
 }
 
 impl Workspace {
@@ -196,6 +200,8 @@ impl Workspace {
             obstacle_index: PolygonIndex::new(obstacles.iter(), 4.0 * tolerance),
             region_index: PolygonIndex::new(regions.iter().map(|r| &r.polygon), tolerance),
             cells: Vec::new(),
+            parts: Vec::new(),
+            areas: Vec::new(),
             bounds,
             obstacles,
             obstacle_names: Vec::new(),
@@ -207,6 +213,14 @@ impl Workspace {
             if let Some(letter) = workspace.alphabet.letter(props) {
                 let inner = workspace.inner_point(letter, &part);
                 cells[letter.index()].push(Cell::new(part, inner));
+            }
+        }
+        let mut sum = 0.0;
+        for letter in workspace.alphabet.letters() {
+            for (i, cell) in cells[letter.index()].iter().enumerate() {
+                sum += cell.area();
+                workspace.parts.push((letter, i as u32));
+                workspace.areas.push(sum);
             }
         }
         workspace.cells = cells;
@@ -405,15 +419,11 @@ impl Workspace {
 
     /// A point uniform over the free space.
     pub fn sample_free(&self, random: &mut Random) -> Point2<f64> {
-        let all = || self.cells.iter().flatten();
-        let pick = crate::random::weighted(random, all().map(Cell::area)).unwrap_or(0);
-        let (letter, cell) = self
-            .alphabet
-            .letters()
-            .flat_map(|l| self.cells(l).iter().map(move |c| (l, c)))
-            .nth(pick)
-            .unwrap_or((Letter(0), &self.cells[0][0]));
-        self.sample_cell(letter, cell, random)
+        let all = self.areas.last().copied().unwrap_or(0.0);
+        let goal = crate::random::unit(random) * all;
+        let pick = self.areas.partition_point(|&a| a <= goal);
+        let (letter, i) = self.parts[pick.min(self.parts.len() - 1)];
+        self.sample_cell(letter, &self.cells(letter)[i as usize], random)
     }
 
     /// A point uniform over the part of the free space that carries `letter`.

@@ -443,3 +443,41 @@ fn walls_are_named() {
     let e = graph.between(p(0.1, 0.5), p(0.9, 0.5)).unwrap();
     assert_eq!((e.first, e.bounds, e.obstacles), (true, true, vec![0]));
 }
+
+#[test]
+fn shortest_paths_do_not_depend_on_what_was_asked_before() {
+    // A lattice of a thousand squares: a wavefront that has not got far, and one that has got everywhere.
+    let squares = (0..1_024).map(|k| {
+        let (x, y) = (f64::from(k % 32) / 32.0, f64::from(k / 32) / 32.0);
+        rectangle(x + 0.01, y + 0.01, x + 0.022, y + 0.02)
+    });
+    let m = Arc::new(map(squares.collect(), vec![]));
+    let graph = VisibilityGraph::new(Arc::clone(&m));
+    let mut random = generator(3, 0);
+    let target = m.sample_free(&mut random);
+    let (early, late) = (graph.paths_to(target), graph.paths_to(target));
+    for corner in [p(0.001, 0.001), p(0.999, 0.001), p(0.001, 0.999)] {
+        assert!(late.first_leg(&graph, corner).is_some());
+    }
+    let mut bends = 0;
+    for _ in 0..300 {
+        let from = m.sample_free(&mut random);
+        let leg = early.first_leg(&graph, from);
+        assert_eq!(leg, late.first_leg(&graph, from));
+        let (length, first) = leg.unwrap();
+        let path = early.path(&graph, from).unwrap();
+        assert_eq!(path[1], first);
+        assert!(path.windows(2).all(|leg| m.is_free_segment(leg[0], leg[1])));
+        let sum: f64 = path.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
+        assert!((sum - length).abs() < 1e-12 && length >= (target - from).norm());
+        // Asked once, from the other end, the length is the same.
+        let back = graph.paths_to(from).first_leg(&graph, target).unwrap().0;
+        assert!((back - length).abs() < 1e-12);
+        let (all, once) = graph.first_leg(from, target).unwrap();
+        assert!((all - length).abs() < 1e-12);
+        let rest = early.first_leg(&graph, once).map_or(0.0, |l| l.0);
+        assert!(((once - from).norm() + rest - length).abs() < 1e-12);
+        bends += path.len() - 2;
+    }
+    assert!(bends > 300, "{bends}");
+}

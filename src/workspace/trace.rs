@@ -25,7 +25,7 @@ pub struct Blocked {
 }
 
 /// A crossing or touch of the segment with a polygon's border, as (polygon, parameter in [0, 1]).
-type Events = SmallVec<[(u32, f64); 16]>;
+type Events = SmallVec<[(u32, f64); 48]>;
 
 /// The segment under test: parameters 0 to 1 run from `a` to `b`.
 struct Segment {
@@ -50,6 +50,26 @@ impl Segment {
 
     fn at(&self, t: f64) -> Point2<f64> {
         self.a + (self.b - self.a) * t
+    }
+
+    /// A point of the segment just behind the edge `pq` of a polygon, on the inner side, where the two
+    /// cross well apart from the ends of the edge.
+    fn behind(&self, p: Point2<f64>, q: Point2<f64>, tolerance: f64) -> Option<Point2<f64>> {
+        let (dp, dq) = (
+            self.normal.dot(&(p - self.a)),
+            self.normal.dot(&(q - self.a)),
+        );
+        let margin = 4.0 * tolerance;
+        if dp.min(dq) > -margin || dp.max(dq) < margin {
+            return None;
+        }
+        let cross = p + (q - p) * (dp / (dp - dq));
+        let along = self.b - self.a;
+        let t = (cross - self.a).dot(&along) / (self.length * self.length);
+        // Counter-clockwise, the inner side of an edge lies to its left.
+        let off = margin / self.length;
+        let t = if dp > 0.0 { t + off } else { t - off };
+        (0.0..=1.0).contains(&t).then(|| self.at(t))
     }
 
     /// The parameters at which the edge `pq` crosses or touches the segment (within `tolerance`).
@@ -93,7 +113,7 @@ impl Workspace {
     /// As [`Self::is_free_segment`], for ends that are known to be free.
     #[must_use]
     pub(crate) fn is_free_between(&self, a: Point2<f64>, b: Point2<f64>) -> bool {
-        self.obstruction(a, b).is_none()
+        !self.is_obstructed(a, b)
     }
 
     /// The letters along the segment `ab`, in order, neighbours different. A letter counts where
@@ -164,7 +184,7 @@ impl Workspace {
         b: Point2<f64>,
         to: Letter,
     ) -> bool {
-        if self.obstruction(a, b).is_some() {
+        if self.is_obstructed(a, b) {
             return false;
         }
         let Ok(stretches) = self.stretches(a, b, from) else {
@@ -188,6 +208,25 @@ impl Workspace {
             }
         }
         Ok(())
+    }
+
+    /// Whether [`Self::obstruction`] finds something. Most segments that are blocked run right into an
+    /// obstacle; the first that is met so ends the search.
+    fn is_obstructed(&self, a: Point2<f64>, b: Point2<f64>) -> bool {
+        let segment = Segment::new(a, b);
+        if segment.length <= self.tolerance {
+            return false;
+        }
+        let mut met = false;
+        for edge in self.obstacle_index.edges_near(a, b) {
+            if let Some(p) = segment.behind(edge.from, edge.to, self.tolerance)
+                && self.obstacle_side(edge.polygon as usize, p) == Side::Inside
+            {
+                return true;
+            }
+            met = true;
+        }
+        met && self.obstruction(a, b).is_some()
     }
 
     /// Where an obstacle is in the way between two free points. The bounds are convex, so free
@@ -236,7 +275,7 @@ impl Workspace {
                 let mut cuts: SmallVec<[f64; 16]> = events.iter().map(|&(_, t)| t).collect();
                 cuts.retain(|t| from < *t && *t < to);
                 cuts.extend([from, to]);
-                cuts.sort_by(f64::total_cmp);
+                cuts.sort_unstable_by(f64::total_cmp);
                 let off = segment.normal * (8.0 * self.tolerance);
                 let solid = |p| !self.bounds.contains(p) || self.obstacle_at(p).is_some();
                 cuts.windows(2)
@@ -291,7 +330,7 @@ impl Workspace {
                 cuts.extend([from, to]);
             }
         });
-        cuts.sort_by(f64::total_cmp);
+        cuts.sort_unstable_by(f64::total_cmp);
         for pair in cuts.windows(2) {
             // Borders that coincide up to rounding leave slivers between their events.
             if (pair[1] - pair[0]) * segment.length <= 4.0 * self.tolerance {
@@ -335,7 +374,7 @@ fn events(
                 .map(|t| (polygon, t)),
         );
     }
-    events.sort_by(|x, y| x.0.cmp(&y.0).then(x.1.total_cmp(&y.1)));
+    events.sort_unstable_by(|x, y| x.0.cmp(&y.0).then(x.1.total_cmp(&y.1)));
     events
 }
 

@@ -1,27 +1,20 @@
-//! Shortest obstacle-free paths between points of the map, by a visibility graph.
+//! Shortest obstacle-free paths between points of the map.
 //!
-//! A shortest path bends only at convex corners of obstacles, and only tangentially. Which corners
-//! see each other is found when first asked for, by looking through the mesh of the
-//! free space, and kept up to [a bound](MAX_LINKS). From all corners to a target, distances are found
-//! once per target ([`VisibilityGraph::paths_to`]); a query from a point then needs the corners that it
-//! sees. For a target that is asked for once, [`VisibilityGraph::first_leg`] searches from both ends of
-//! what is needed only.
+//! A shortest path bends only at convex corners of obstacles, and only tangentially. Paths to one target
+//! ([`VisibilityGraph::paths_to`]) are found by a wavefront over the triangulated free space, which
+//! goes as far as what was asked for needs; a query from a place that it has passed
+//! looks at the windows of one triangle. For a target that is asked for once,
+//! [`VisibilityGraph::first_leg`] sends the wavefront straight to where the question comes from.
 
-use std::cmp::Reverse;
-use std::collections::{BinaryHeap, HashMap};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
 use nalgebra::Point2;
 use smallvec::SmallVec;
 
+use super::geodesics::{Bend, Ground, Leg, Wavefront};
 use super::mesh::Mesh;
 use super::walls::Enclosure;
 use super::{Polygon, Workspace};
-
-/// Links between corners that are kept at most (16 bytes each: 256 MiB). Those of further corners
-/// are found anew whenever they are needed.
-pub const MAX_LINKS: usize = 16 << 20;
 
 /// A convex corner of an obstacle, with its neighbours along the border.
 #[derive(Clone, Copy, Debug)]
@@ -31,65 +24,27 @@ struct Corner {
     after: Point2<f64>,
 }
 
-impl Corner {
-    /// Whether a path may bend here when it runs along `ab` through this corner: the obstacle
-    /// must lie on one side of the line.
-    fn is_tangent(&self, other: Point2<f64>) -> bool {
-        let d = self.at - other;
-        let left = d.perp(&(self.before - self.at));
-        let right = d.perp(&(self.after - self.at));
-        let slack = 1e-12 * d.norm_squared();
-        !(left > slack && right < -slack || left < -slack && right > slack)
-    }
-}
-
-/// The corners that a corner sees, with their distances.
-type Links = Box<[(u32, f64)]>;
-
-/// Which convex obstacle corners of a map see each other.
+/// The triangulated free space of a map, with the corners that shortest paths bend at.
 #[derive(Debug)]
 pub struct VisibilityGraph {
     map: Arc<Workspace>,
     mesh: Mesh,
     corners: Vec<Corner>,
-    /// For each point of the mesh the corners there.
-    corners_at: Vec<SmallVec<[u32; 1]>>,
-    neighbours: Vec<OnceLock<Links>>,
-    /// How many links are kept so far.
-    kept: AtomicUsize,
+    /// For each point of the mesh what paths may do there.
+    bends: Vec<Bend>,
+    /// Wavefronts that are at rest, to be used again.
+    idle: Mutex<Vec<Wavefront>>,
 }
 
 /// Shortest paths from everywhere to one target.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct PathsTo {
     target: Point2<f64>,
-    /// For each corner, the length of the shortest path to the target; infinite if there is none.
-    lengths: Vec<f64>,
-    /// For each corner, the corner after it; `None` if the target is next.
-    next: Vec<Option<u32>>,
-}
-
-/// An entry of Dijkstra's queue, ordered by length, then by number.
-#[derive(PartialEq)]
-struct Entry(f64, u32);
-
-impl Eq for Entry {}
-
-impl Ord for Entry {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.0.total_cmp(&other.0).then(self.1.cmp(&other.1))
-    }
-}
-
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
+    front: RwLock<Wavefront>,
 }
 
 impl VisibilityGraph {
-    /// Triangulates the free space and collects the corners of the map's obstacles; which of them
-    /// see each other is found when first needed.
+    /// Triangulates the free space and collects the corners of the map's obstacles.
     #[must_use]
     pub fn new(map: Arc<Workspace>) -> Self {
         let mesh = Mesh::new(&map);
@@ -99,19 +54,22 @@ impl VisibilityGraph {
             .flat_map(convex_corners)
             .filter(|c| map.bounds().contains(c.at) && map.obstacle_at(c.at).is_none())
             .collect();
-        let mut corners_at = vec![SmallVec::new(); mesh.len()];
-        for (i, corner) in corners.iter().enumerate() {
+        let mut bends = vec![Bend::Never; mesh.len()];
+        for corner in &corners {
             if let Some(p) = mesh.point_at(corner.at) {
-                corners_at[p as usize].push(i as u32);
+                let bend = &mut bends[p as usize];
+                *bend = match bend {
+                    Bend::Never => Bend::Around(corner.before, corner.after),
+                    Bend::Around(..) | Bend::Several => Bend::Several,
+                };
             }
         }
         Self {
-            neighbours: (0..corners.len()).map(|_| OnceLock::new()).collect(),
-            kept: AtomicUsize::new(0),
             map,
             mesh,
             corners,
-            corners_at,
+            bends,
+            idle: Mutex::default(),
         }
     }
 
@@ -139,36 +97,15 @@ impl VisibilityGraph {
         Enclosure::between(&self.map, &self.mesh, a, b)
     }
 
-    /// Shortest paths from every corner to `target` (Dijkstra's algorithm, backwards).
+    /// Shortest paths from everywhere to `target`, found as far as they will be asked for.
     #[must_use]
     pub fn paths_to(&self, target: Point2<f64>) -> PathsTo {
-        let n = self.corners.len();
-        let mut paths = PathsTo {
+        let mut front = Wavefront::new(&self.mesh);
+        self.start(&mut front, target, None);
+        PathsTo {
             target,
-            lengths: vec![f64::INFINITY; n],
-            next: vec![None; n],
-        };
-        let mut queue = BinaryHeap::new();
-        for (i, length) in self.seen_from(target) {
-            if self.sees(i, target) {
-                paths.lengths[i as usize] = length;
-                queue.push(Reverse(Entry(length, i)));
-            }
+            front: RwLock::new(front),
         }
-        while let Some(Reverse(Entry(length, i))) = queue.pop() {
-            if length > paths.lengths[i as usize] {
-                continue;
-            }
-            self.with_neighbours(i, |j, edge| {
-                let through = length + edge;
-                if through < paths.lengths[j as usize] {
-                    paths.lengths[j as usize] = through;
-                    paths.next[j as usize] = Some(i);
-                    queue.push(Reverse(Entry(through, j)));
-                }
-            });
-        }
-        paths
     }
 
     /// The length of the shortest path between two free points and the first point at which it bends (`to`
@@ -182,85 +119,70 @@ impl VisibilityGraph {
         if self.component_at(from) != self.component_at(to) {
             return None;
         }
-        // Backwards, so that the corner that reaches `from` is the answer.
-        let ends: HashMap<u32, f64> = self.seen_from(from).into_iter().collect();
-        let mut lengths: HashMap<u32, f64> = HashMap::new();
-        let mut queue = BinaryHeap::new();
-        let ahead = |i: u32| (self.corners[i as usize].at - from).norm();
-        for (i, length) in self.seen_from(to) {
-            if self.sees(i, to) {
-                lengths.insert(i, length);
-                queue.push(Reverse((Entry(length + ahead(i), i), false)));
-            }
-        }
-        while let Some(Reverse((Entry(bound, i), complete))) = queue.pop() {
-            if complete {
-                return Some((bound, self.corners[i as usize].at));
-            }
-            let length = lengths[&i];
-            if bound > length + ahead(i) {
+        let idle = || self.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        let front = idle().pop();
+        let mut front = front.unwrap_or_else(|| Wavefront::new(&self.mesh));
+        self.start(&mut front, to, Some(from));
+        let triangles = self.mesh.triangles_at(from);
+        let mut failed = None;
+        let found = loop {
+            let best = front.best(self.ground(), from, &triangles, failed);
+            if !front.is_settled(best) {
+                front.advance(self.ground());
                 continue;
             }
-            if ends.contains_key(&i) && self.sees(i, from) {
-                queue.push(Reverse((Entry(bound, i), true)));
+            match best {
+                Some(leg) if self.sees(leg, to, from) => break Some(leg),
+                Some(leg) => failed = Some(leg),
+                None => break self.any_leg(&front, from),
             }
-            self.with_neighbours(i, |j, edge| {
-                let through = length + edge;
-                let known = lengths.entry(j).or_insert(f64::INFINITY);
-                if through < *known {
-                    *known = through;
-                    queue.push(Reverse((Entry(through + ahead(j), j), false)));
-                }
-            });
-        }
-        None
+        };
+        idle().push(front);
+        found.map(|leg| (leg.length, self.end_of(leg, to)))
     }
 
-    /// The corners that are seen from a point and may be bent at on the way there, with their
-    /// distances, by number. The mesh decides; [`Self::sees`] confirms.
-    fn seen_from(&self, from: Point2<f64>) -> Vec<(u32, f64)> {
+    fn ground(&self) -> Ground<'_> {
+        let (mesh, bends) = (&self.mesh, self.bends.as_slice());
+        Ground { mesh, bends }
+    }
+
+    fn start(&self, front: &mut Wavefront, target: Point2<f64>, ahead: Option<Point2<f64>>) {
+        // Within an obstacle by a rounding error, a target lies in no triangle.
+        let seen = |p: u32| {
+            self.bends[p as usize] != Bend::Never
+                && self.map.is_free_between(self.mesh.point(p), target)
+        };
+        front.start(self.ground(), target, ahead, seen);
+    }
+
+    /// The end of a leg on the way to `target`.
+    fn end_of(&self, leg: Leg, target: Point2<f64>) -> Point2<f64> {
+        leg.corner.map_or(target, |p| self.mesh.point(p))
+    }
+
+    /// Whether a leg from `p` is free by the map's own test: the mesh may differ in what rounding does.
+    fn sees(&self, leg: Leg, target: Point2<f64>, p: Point2<f64>) -> bool {
+        self.map.is_free_between(self.end_of(leg, target), p)
+    }
+
+    /// The best leg to a corner that is seen from `p`, where no window reaches it: it lies in no
+    /// triangle by a rounding error. The wavefront has come to its end.
+    fn any_leg(&self, front: &Wavefront, p: Point2<f64>) -> Option<Leg> {
         let mut seen: Vec<u32> = Vec::new();
-        let found = self.mesh.visible(from, &mut |p| {
-            seen.extend(&self.corners_at[p as usize]);
-        });
-        if !found {
-            // Within an obstacle by a rounding error.
-            seen.extend(0..self.corners.len() as u32);
+        if !self.mesh.visible(p, &mut |corner| seen.push(corner)) {
+            seen.extend(0..self.mesh.len() as u32);
         }
+        seen.retain(|&corner| self.bends[corner as usize] != Bend::Never);
         seen.sort_unstable();
         seen.dedup();
-        let corner = |i: u32| &self.corners[i as usize];
-        seen.into_iter()
-            .filter(|&i| corner(i).is_tangent(from))
-            .map(|i| (i, (corner(i).at - from).norm()))
-            .collect()
-    }
-
-    /// Whether the segment from a corner to a free point is free, by the map's own test.
-    fn sees(&self, i: u32, p: Point2<f64>) -> bool {
-        self.map.is_free_between(self.corners[i as usize].at, p)
-    }
-
-    fn with_neighbours(&self, i: u32, mut visit: impl FnMut(u32, f64)) {
-        let kept = &self.neighbours[i as usize];
-        if kept.get().is_none() && self.kept.load(Ordering::Relaxed) >= MAX_LINKS {
-            let found = self.neighbours(i);
-            return found.iter().for_each(|&(j, length)| visit(j, length));
-        }
-        let links = kept.get_or_init(|| {
-            let found = self.neighbours(i);
-            self.kept.fetch_add(found.len(), Ordering::Relaxed);
-            found
-        });
-        links.iter().for_each(|&(j, length)| visit(j, length));
-    }
-
-    fn neighbours(&self, i: u32) -> Links {
-        let from = self.corners[i as usize];
-        let seen = self.seen_from(from.at).into_iter();
-        seen.filter(|&(j, _)| j != i && from.is_tangent(self.corners[j as usize].at))
-            .filter(|&(j, _)| self.sees(j, from.at))
-            .collect()
+        let leg = |corner: u32| Leg {
+            length: front.length_at(corner) + (self.mesh.point(corner) - p).norm(),
+            corner: Some(corner),
+        };
+        let mut legs: Vec<Leg> = seen.into_iter().map(leg).collect();
+        legs.retain(|leg| leg.length.is_finite());
+        legs.sort_by(|a, b| a.length.total_cmp(&b.length).then(a.corner.cmp(&b.corner)));
+        legs.into_iter().find(|&leg| self.sees(leg, p, p))
     }
 }
 
@@ -271,6 +193,12 @@ impl PathsTo {
         self.target
     }
 
+    /// How much of the memory is kept, in units of about 64 bytes.
+    pub(crate) fn size(&self) -> usize {
+        let front = self.front.read().unwrap_or_else(PoisonError::into_inner);
+        front.size()
+    }
+
     /// The length of the shortest path from `from` and the first point at which it bends (the
     /// target itself if that is in sight); `None` if there is no path. `from` must be free.
     #[must_use]
@@ -279,38 +207,66 @@ impl PathsTo {
         graph: &VisibilityGraph,
         from: Point2<f64>,
     ) -> Option<(f64, Point2<f64>)> {
-        self.entry(graph, from).map(|(length, corner)| {
-            let at = corner.map_or(self.target, |i| graph.corners[i as usize].at);
-            (length, at)
-        })
+        if graph.map.is_free_between(from, self.target) {
+            return Some(((self.target - from).norm(), self.target));
+        }
+        self.bend(graph, from)
+    }
+
+    /// As [`Self::first_leg`] where the target is known to be out of sight.
+    pub(crate) fn bend(
+        &self,
+        graph: &VisibilityGraph,
+        from: Point2<f64>,
+    ) -> Option<(f64, Point2<f64>)> {
+        let leg = self.leg_around(graph, from)?;
+        Some((leg.length, graph.end_of(leg, self.target)))
     }
 
     /// The shortest path from `from`, both ends included; `None` if there is none.
     #[must_use]
     pub fn path(&self, graph: &VisibilityGraph, from: Point2<f64>) -> Option<Vec<Point2<f64>>> {
-        let (_, mut corner) = self.entry(graph, from)?;
         let mut path = vec![from];
-        while let Some(i) = corner {
-            path.push(graph.corners[i as usize].at);
-            corner = self.next[i as usize];
+        if graph.map.is_free_between(from, self.target) {
+            path.push(self.target);
+            return Some(path);
         }
-        path.push(self.target);
-        Some(path)
+        self.bends(graph, from, &mut |p| path.push(p));
+        (path.len() > 1).then_some(path)
     }
 
-    fn entry(&self, graph: &VisibilityGraph, from: Point2<f64>) -> Option<(f64, Option<u32>)> {
-        if graph.map.is_free_between(from, self.target) {
-            return Some(((self.target - from).norm(), None));
+    /// Visits the bends of the shortest path from a point that does not see the target, and the target.
+    pub(crate) fn bends(
+        &self,
+        graph: &VisibilityGraph,
+        from: Point2<f64>,
+        visit: &mut dyn FnMut(Point2<f64>),
+    ) {
+        if let Some(corner) = self.leg_around(graph, from).and_then(|leg| leg.corner) {
+            let front = self.front.read().unwrap_or_else(PoisonError::into_inner);
+            front.chain(&graph.mesh, corner, visit);
         }
-        let mut seen: Vec<(f64, u32)> = graph
-            .seen_from(from)
-            .into_iter()
-            .map(|(i, length)| (length + self.lengths[i as usize], i))
-            .filter(|(length, _)| length.is_finite())
-            .collect();
-        seen.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let (length, i) = seen.into_iter().find(|&(_, i)| graph.sees(i, from))?;
-        Some((length, Some(i)))
+    }
+
+    /// The first leg of the shortest path from a point that does not see the target.
+    fn leg_around(&self, graph: &VisibilityGraph, from: Point2<f64>) -> Option<Leg> {
+        let triangles: SmallVec<[u32; 16]> = graph.mesh.triangles_at(from);
+        let mut failed = None;
+        loop {
+            let front = self.front.read().unwrap_or_else(PoisonError::into_inner);
+            let best = front.best(graph.ground(), from, &triangles, failed);
+            if front.is_settled(best) {
+                match best {
+                    Some(leg) if graph.sees(leg, self.target, from) => return Some(leg),
+                    Some(leg) => failed = Some(leg),
+                    None => return graph.any_leg(&front, from),
+                }
+                continue;
+            }
+            drop(front);
+            let mut front = self.front.write().unwrap_or_else(PoisonError::into_inner);
+            front.advance(graph.ground());
+        }
     }
 }
 

@@ -3,7 +3,9 @@
 use super::{NONE, Node, NodeId, Tree};
 
 impl Tree<'_> {
-    /// Gives `node` a new parent and passes the saving on to everything below it.
+    /// Gives `node` a new parent. What that saves is owed to everything below it until
+    /// [`Self::pass_on`]. Until then a cost is what it should be or more, and none is below that of
+    /// its parent, so that no cycle can arise.
     pub(super) fn reparent(&mut self, node: NodeId, parent: NodeId, cost: f64) {
         self.unlink(node);
         if parent.0 == NONE {
@@ -11,24 +13,61 @@ impl Tree<'_> {
         } else {
             self.link(node, parent.0);
         }
-        let mut stack = std::mem::take(&mut self.stack);
-        stack.push((node, cost));
-        while let Some((node, cost)) = stack.pop() {
-            let saving = self.costs[node.index()] - cost;
-            self.costs[node.index()] = cost;
-            self.touched.push(node);
-            let site = &mut self.sites[self.nodes[node.index()].site.0 as usize];
-            site.least = site.least.min(cost);
+        let saving = self.nodes[node.index()].cost - cost;
+        self.save(node, saving);
+        let n = &mut self.nodes[node.index()];
+        n.cost = cost; // not off by rounding
+        let rank = &mut self.ranks[n.site.0 as usize];
+        rank.least = rank.least.min(cost);
+    }
+
+    /// Passes on what nodes owe to their children, and so on, for as many of them as
+    /// [`Self::pass_on_at_most`] allows; the rest waits for the next call. Many savings reach the same nodes: while
+    /// one waits it gathers what it is told and passes on all of it in one.
+    pub(super) fn pass_on(&mut self) {
+        let mut paid = 0;
+        while paid < self.allowance {
+            let Some(node) = self.owing.pop_front() else {
+                return;
+            };
+            paid += self.pay(node);
+        }
+    }
+
+    /// Pays the children of a node what it owes them, and says how many they are.
+    fn pay(&mut self, node: NodeId) -> usize {
+        let saving = std::mem::take(&mut self.nodes[node.index()].owed);
+        let mut paid = 0;
+        if saving > 0.0 {
             let mut child = self.nodes[node.index()].first_child;
             while child != NONE {
-                stack.push((NodeId(child), self.costs[child as usize] - saving));
+                self.save(NodeId(child), saving);
                 child = self.nodes[child as usize].next_sibling;
+                paid += 1;
             }
         }
-        self.stack = stack;
+        paid
+    }
+
+    /// Makes a node cheaper, and owes that to its children.
+    fn save(&mut self, node: NodeId, saving: f64) {
+        let n = &mut self.nodes[node.index()];
+        n.cost -= saving;
+        if n.first_child != NONE {
+            if n.owed == 0.0 {
+                self.owing.push_back(node);
+            }
+            n.owed += saving;
+        }
+        let rank = &mut self.ranks[n.site.0 as usize];
+        rank.least = rank.least.min(n.cost);
+        self.touched.push(node);
     }
 
     pub(super) fn link(&mut self, node: NodeId, parent: u32) {
+        if self.nodes[parent as usize].owed > 0.0 {
+            self.pay(NodeId(parent)); // the new child knows of it already
+        }
         let first = self.nodes[parent as usize].first_child;
         let n = &mut self.nodes[node.index()];
         n.parent = parent;

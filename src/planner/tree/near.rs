@@ -32,7 +32,7 @@ impl Hit {
         Self { bits, site }
     }
 
-    fn square(self) -> f64 {
+    pub(super) fn square(self) -> f64 {
         f64::from_bits(self.bits)
     }
 }
@@ -44,14 +44,19 @@ pub(crate) struct Near {
     pub(crate) radius: f64,
     /// Of those the nearest, at most so many.
     pub(crate) count: usize,
+    /// As many instead where the first ones lead nowhere.
+    pub(crate) more: usize,
 }
 
 impl Near {
     /// All sites within `radius`.
     #[cfg(test)]
     pub(crate) fn ball(radius: f64) -> Self {
-        let count = usize::MAX;
-        Self { radius, count }
+        Self {
+            radius,
+            count: usize::MAX,
+            more: 0,
+        }
     }
 }
 
@@ -70,7 +75,8 @@ struct Branch {
 /// The sites of a leaf.
 #[derive(Clone, Debug)]
 struct Bucket {
-    places: [[f64; 2]; BUCKET],
+    /// The coordinates, each axis for itself: distances are found several at a time.
+    places: [[f64; BUCKET]; 2],
     sites: [SiteId; BUCKET],
     len: usize,
 }
@@ -98,40 +104,44 @@ impl Default for SiteIndex {
 
 impl Bucket {
     const EMPTY: Self = Self {
-        places: [[0.0; 2]; BUCKET],
+        places: [[0.0; BUCKET]; 2],
         sites: [SiteId(0); BUCKET],
         len: 0,
     };
 
     fn push(&mut self, place: [f64; 2], site: SiteId) {
-        self.places[self.len] = place;
+        for (axis, value) in self.places.iter_mut().zip(place) {
+            axis[self.len] = value;
+        }
         self.sites[self.len] = site;
         self.len += 1;
     }
 
     /// The sites with their squared distances from `p`.
     fn squares(&self, p: [f64; 2]) -> impl Iterator<Item = (f64, SiteId)> + '_ {
-        let places = self.places[..self.len].iter();
-        places.zip(&self.sites).map(move |(a, &site)| {
-            let (x, y) = (a[0] - p[0], a[1] - p[1]);
-            (x * x + y * y, site)
-        })
+        let mut squares = [0.0; BUCKET];
+        let places = self.places[0].iter().zip(&self.places[1]);
+        for (square, (x, y)) in squares.iter_mut().zip(places) {
+            let (x, y) = (x - p[0], y - p[1]);
+            *square = x * x + y * y;
+        }
+        squares.into_iter().zip(self.sites).take(self.len)
+    }
+
+    fn place(&self, i: usize) -> [f64; 2] {
+        self.places.map(|axis| axis[i])
     }
 
     /// The wider axis and a coordinate that leaves places on both of its sides; `None` if all
     /// places are the same.
     fn split(&self) -> Option<(usize, f64)> {
-        let all = &self.places[..self.len];
         let extent = |axis: usize| {
-            let values = || all.iter().map(|a| a[axis]);
+            let values = || self.places[axis][..self.len].iter().copied();
             values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min)
         };
         let axis = usize::from(extent(1) > extent(0));
-        let mut values = [0.0; BUCKET];
-        for (value, place) in values.iter_mut().zip(all) {
-            *value = place[axis];
-        }
-        let values = &mut values[..all.len()];
+        let mut values = self.places[axis];
+        let values = &mut values[..self.len];
         values.sort_unstable_by(f64::total_cmp);
         let middle = values[values.len() / 2];
         let above = |v: &&f64| **v > values[0];
@@ -168,9 +178,10 @@ impl SiteIndex {
         let full = std::mem::replace(&mut self.buckets[bucket], Bucket::EMPTY);
         let other = self.buckets.len();
         self.buckets.push(Bucket::EMPTY);
-        for (place, &site) in full.places[..full.len].iter().zip(&full.sites) {
+        for i in 0..full.len {
+            let place = full.place(i);
             let side = if place[axis] < at { bucket } else { other };
-            self.buckets[side].push(*place, site);
+            self.buckets[side].push(place, full.sites[i]);
         }
         let next = self.branches.len() as u32;
         for bucket in [bucket, other] {
@@ -267,9 +278,7 @@ impl SiteIndex {
     pub(super) fn at(&self, p: Point2<f64>) -> Option<SiteId> {
         let place = [p.x + 0.0, p.y + 0.0];
         let bucket = &self.buckets[self.branches[self.leaf(place)].next as usize];
-        let i = bucket.places[..bucket.len]
-            .iter()
-            .position(|a| *a == place)?;
+        let i = (0..bucket.len).find(|&i| bucket.place(i) == place)?;
         Some(bucket.sites[i])
     }
 }
@@ -339,6 +348,7 @@ mod tests {
             let near = Near {
                 radius: 0.3 * (k % 5) as f64,
                 count: 1 + k % 60,
+                more: 0,
             };
             index.near(q, near, &mut hits);
             hits.sort_unstable();

@@ -19,8 +19,13 @@ impl Tree<'_> {
         if self.system.neighbours(&spot, &mut moves) {
             self.take_neighbours(spot, &moves, &mut neighbours);
         } else {
+            let near = Near {
+                count: near.more,
+                ..near
+            };
             self.find_neighbours(spot, near, &[], &mut neighbours);
         }
+        neighbours.sort_by(|a, b| a.bound.total_cmp(&b.bound).then(a.site.cmp(&b.site)));
         let held = self.find(spot.at, state).map(|n| (n, self.cost(n)));
         let mut best = held.filter(|&(_, length)| length < limit);
         for neighbour in &mut neighbours {

@@ -14,6 +14,8 @@ impl Tree<'_> {
                 children[i] += 1;
                 child = self.nodes[child as usize].next_sibling;
             }
+            let rank = &self.ranks[node.site.0 as usize];
+            assert!(rank.least <= node.cost && node.cost <= rank.most);
             let here = &self.sites[node.site.0 as usize];
             let nodes = self.at_site(node.site);
             assert!(nodes.is_sorted_by_key(|&(q, _)| q));
@@ -21,12 +23,12 @@ impl Tree<'_> {
             assert_eq!(same.map(|&(_, n)| n.0).collect::<Vec<_>>(), [i as u32]);
             assert!(self.by_state[node.state.index()].contains(&NodeId(i as u32)));
             let Some(parent) = self.nodes.get(node.parent as usize) else {
-                assert_eq!(self.costs[i], 0.0, "only roots have no parent");
+                assert_eq!(node.cost, 0.0, "only roots have no parent");
                 continue;
             };
             let from = self.sites[parent.site.0 as usize].spot;
             let length = system.distance(from.at, here.spot.at);
-            assert!((self.costs[node.parent as usize] + length - self.costs[i]).abs() < 1e-9);
+            assert!((parent.cost + parent.owed + length - node.cost).abs() < 1e-9);
             assert!(parent.site == node.site || system.step(&from, &here.spot));
             let guard = nba
                 .guard(parent.state, node.state)

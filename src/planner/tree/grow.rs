@@ -1,0 +1,339 @@
+//! Extend and Rewire: how a place joins the tree.
+
+use nalgebra::Point2;
+
+use super::near::{Hit, Near};
+use super::ways::{Way, Ways};
+use super::{SiteId, Tree, bit, improves};
+use crate::system::Spot;
+
+/// So many neighbours are found by looking for the cheapest way in; if more are needed, the rest is
+/// sorted. Mostly the first one does.
+const PICKS: usize = 6;
+
+/// A place near the one that is being added.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Neighbour {
+    pub(super) site: SiteId,
+    pub(super) distance: f64,
+    /// The least cost of any node there, plus the distance: what an edge from there costs at least.
+    pub(super) bound: f64,
+    /// Whether a move is possible, once that was asked.
+    pub(super) visible: Option<bool>,
+}
+
+impl Tree<'_> {
+    /// Extend and Rewire (`nngtl.md`, III-A, steps 3 to 6): connects `spot` in every automaton
+    /// state that it can be reached in, each at least cost from the sites `near` it and from
+    /// `also`; then reroutes those sites through it where that is cheaper. A place that is in the tree
+    /// already is not added again, but what reaches it more cheaply, or in another state, is kept.
+    /// Whether a move between two places is possible is asked once at most.
+    ///
+    /// Where none of the near sites leads to the place, `near.more` sites are tried.
+    ///
+    /// Returns the site if anything was connected to it.
+    pub(crate) fn extend(&mut self, spot: Spot, near: Near, also: &[SiteId]) -> Option<SiteId> {
+        let mut neighbours = std::mem::take(&mut self.neighbours);
+        let mut moves = std::mem::take(&mut self.moves);
+        let mut ways = std::mem::replace(&mut self.ways, Ways::new(0));
+        let began = self.clock.start();
+        let finite = self.system.neighbours(&spot, &mut moves);
+        let mut known = if finite {
+            self.take_neighbours(spot, &moves, &mut neighbours)
+        } else {
+            self.find_neighbours(spot, near, also, &mut neighbours)
+        };
+        self.clock.stop(began, |s| &mut s.near);
+        let began = self.clock.start();
+        self.reachable_states(&spot, &mut neighbours, &mut ways);
+        self.clock.stop(began, |s| &mut s.extend);
+        // Where a cost limit ruled some out, others further away are no help.
+        let limited = |n: &Neighbour| n.bound >= self.limit;
+        if ways.found.is_empty()
+            && !finite
+            && near.more > neighbours.len()
+            && !neighbours.iter().any(limited)
+        {
+            let began = self.clock.start();
+            known = self.find_more(spot, near, &mut neighbours);
+            self.clock.stop(began, |s| &mut s.near);
+            let began = self.clock.start();
+            self.reachable_states(&spot, &mut neighbours, &mut ways);
+            self.clock.stop(began, |s| &mut s.extend);
+        }
+        let began = self.clock.start();
+        let site = (!ways.found.is_empty()).then(|| self.join(spot, known, &ways));
+        self.clock.stop(began, |s| &mut s.extend);
+        if let Some(site) = site {
+            let began = self.clock.start();
+            self.rewire(site, &mut neighbours, &mut ways);
+            self.pass_on();
+            self.clock.stop(began, |s| &mut s.rewire);
+        }
+        ways.clear();
+        (self.neighbours, self.moves, self.ways) = (neighbours, moves, ways);
+        site
+    }
+
+    /// Adds a place with the states that lead to it; `known` is its site if the tree holds it.
+    fn join(&mut self, spot: Spot, known: Option<SiteId>, ways: &Ways) -> SiteId {
+        let site = known.unwrap_or_else(|| self.add_site(spot));
+        for &state in &ways.found {
+            // Of a known place the parent can have become cheaper by what was connected before.
+            let Way { from, length, .. } = ways.into[state.index()];
+            self.connect(site, state, self.cost(from) + length, from.0);
+        }
+        self.settle(site);
+        site
+    }
+
+    /// Step 3 where places are finitely many: all sites one move away, however far. Returns the site
+    /// of the place itself.
+    pub(super) fn take_neighbours(
+        &self,
+        spot: Spot,
+        moves: &[Spot],
+        neighbours: &mut Vec<Neighbour>,
+    ) -> Option<SiteId> {
+        neighbours.clear();
+        for there in moves {
+            let Some(site) = self.index.at(there.at) else {
+                continue;
+            };
+            let distance = self.system.distance(there.at, spot.at);
+            neighbours.push(self.neighbour(site, distance, Some(true)));
+        }
+        self.index.at(spot.at)
+    }
+
+    /// Step 3: the sites `near` the place, and `also`. Returns the site of the place itself.
+    pub(super) fn find_neighbours(
+        &mut self,
+        spot: Spot,
+        near: Near,
+        also: &[SiteId],
+        neighbours: &mut Vec<Neighbour>,
+    ) -> Option<SiteId> {
+        neighbours.clear();
+        let mut hits = std::mem::take(&mut self.hits);
+        self.index.near(spot.at, near, &mut hits);
+        let known = self.add_hits(spot.at, &hits, neighbours);
+        for &site in also {
+            if known != Some(site) && !neighbours.iter().any(|n| n.site == site) {
+                let distance = self
+                    .system
+                    .distance(self.sites[site.0 as usize].spot.at, spot.at);
+                neighbours.push(self.neighbour(site, distance, None));
+            }
+        }
+        self.hits = hits;
+        known
+    }
+
+    /// More of the nearest sites, without those that are in `neighbours`, which lead nowhere.
+    fn find_more(
+        &mut self,
+        spot: Spot,
+        near: Near,
+        neighbours: &mut Vec<Neighbour>,
+    ) -> Option<SiteId> {
+        let mut tried = std::mem::take(&mut self.tried);
+        tried.clear();
+        tried.extend(neighbours.iter().map(|n| n.site));
+        tried.sort_unstable();
+        let mut hits = std::mem::take(&mut self.hits);
+        let near = Near {
+            count: near.more,
+            ..near
+        };
+        self.index.near(spot.at, near, &mut hits);
+        neighbours.clear();
+        let known = self.add_hits(spot.at, &hits, neighbours);
+        neighbours.retain(|n| tried.binary_search(&n.site).is_err());
+        (self.hits, self.tried) = (hits, tried);
+        known
+    }
+
+    /// Appends hits, but not the place itself, which is returned. Where the index is asked, lengths are
+    /// Euclidean ([`neighbours`](crate::system::TransitionSystem::neighbours)).
+    fn add_hits(
+        &self,
+        at: Point2<f64>,
+        hits: &[Hit],
+        neighbours: &mut Vec<Neighbour>,
+    ) -> Option<SiteId> {
+        let mut known = None;
+        for hit in hits {
+            let distance = hit.square().sqrt();
+            if distance > 0.0 || self.sites[hit.site.0 as usize].spot.at != at {
+                neighbours.push(self.neighbour(hit.site, distance, None));
+            } else {
+                known = Some(hit.site);
+            }
+        }
+        known
+    }
+
+    fn neighbour(&self, site: SiteId, distance: f64, visible: Option<bool>) -> Neighbour {
+        let bound = self.ranks[site.0 as usize].least + distance;
+        Neighbour {
+            site,
+            distance,
+            bound,
+            visible,
+        }
+    }
+
+    /// Steps 4 and 5: the automaton states in which `spot` can be reached, each with its least
+    /// cost and the node that gives it. Neighbours are asked in the order of their bounds, and moves are
+    /// checked only where they would be the cheapest so far.
+    fn reachable_states(&mut self, spot: &Spot, neighbours: &mut [Neighbour], ways: &mut Ways) {
+        let mut reach = Reach {
+            states: 0,
+            most: 0.0,
+            limit: self.limit,
+            few: self.by_state.len() <= 64,
+        };
+        for i in 0..neighbours.len() {
+            let rest = &mut neighbours[i..];
+            if i < PICKS {
+                // The cheapest of those that have something to give comes next.
+                let useful = |n: &&(usize, &Neighbour)| reach.wants(&self.ranks, n.1);
+                let next = rest.iter().enumerate();
+                let next = next.filter(|n| useful(&n)).min_by(|a, b| order(a.1, b.1));
+                let Some(j) = next.map(|(j, _)| j) else { break };
+                rest.swap(0, j);
+            } else if i == PICKS {
+                rest.sort_unstable_by(order);
+            }
+            let neighbour = &mut neighbours[i];
+            if reach.wants(&self.ranks, neighbour) {
+                self.enter(spot, neighbour, ways, &mut reach);
+            }
+        }
+        ways.sort();
+    }
+
+    /// The states of `spot` that the nodes of one neighbour lead to.
+    fn enter(
+        &mut self,
+        spot: &Spot,
+        neighbour: &mut Neighbour,
+        ways: &mut Ways,
+        reach: &mut Reach,
+    ) {
+        let letter = self.sites[neighbour.site.0 as usize].spot.letter;
+        for i in 0..self.at_site(neighbour.site).len() {
+            let (state, node) = self.at_site(neighbour.site)[i];
+            let cost = self.cost(node) + neighbour.distance;
+            if cost >= self.limit {
+                continue;
+            }
+            for k in self.steps.range(letter, state) {
+                let target = self.steps.target(k);
+                if ways.cost(target) <= cost {
+                    continue;
+                }
+                if !self.is_visible(neighbour, spot) {
+                    return;
+                }
+                ways.set(target, cost, node, neighbour.distance);
+                reach.states |= bit(target);
+                reach.most = f64::max(reach.most, cost);
+            }
+        }
+    }
+
+    /// Step 6: reroutes neighbours through `site` where that is cheaper.
+    fn rewire(&mut self, site: SiteId, neighbours: &mut [Neighbour], ways: &mut Ways) {
+        let spot = self.site_spot(site);
+        // The cheapest node to leave from, for each state that can follow.
+        ways.clear();
+        for &(state, node) in self.at_site(site) {
+            let cost = self.cost(node);
+            for k in self.steps.range(spot.letter, state) {
+                let target = self.steps.target(k);
+                if cost < ways.cost(target) {
+                    ways.set(target, cost, node, 0.0);
+                }
+            }
+        }
+        let least = self.ranks[site.0 as usize].least;
+        for neighbour in neighbours {
+            let most = self.ranks[neighbour.site.0 as usize].most;
+            if neighbour.visible == Some(false) || !improves(least + neighbour.distance, most) {
+                continue;
+            }
+            self.reroute(&spot, neighbour, ways);
+        }
+    }
+
+    /// Reroutes the nodes of one neighbour.
+    fn reroute(&mut self, spot: &Spot, neighbour: &mut Neighbour, ways: &Ways) {
+        let mut improved = false;
+        for i in 0..self.at_site(neighbour.site).len() {
+            let (state, old) = self.at_site(neighbour.site)[i];
+            let way = ways.into[state.index()];
+            if way.cost == f64::INFINITY {
+                continue;
+            }
+            // Rerouting one neighbour can have made a node here cheaper that hangs below it.
+            let from = way.from;
+            let cost = self.cost(from) + neighbour.distance;
+            if !improves(cost, self.cost(old)) {
+                continue;
+            }
+            if !self.is_visible(neighbour, spot) {
+                break;
+            }
+            self.reparent(old, from, cost);
+            improved = true;
+        }
+        if improved {
+            self.settle(neighbour.site);
+        }
+        let costs = self.at_site(neighbour.site).iter();
+        let most = costs.map(|&(_, n)| self.cost(n)).fold(0.0, f64::max);
+        self.ranks[neighbour.site.0 as usize].most = most;
+    }
+
+    pub(super) fn is_visible(&mut self, neighbour: &mut Neighbour, spot: &Spot) -> bool {
+        if let Some(known) = neighbour.visible {
+            return known;
+        }
+        let began = self.clock.start();
+        let visible = self.system.step(&self.site_spot(neighbour.site), spot);
+        self.clock.stop(began, |s| &mut s.collision);
+        neighbour.visible = Some(visible);
+        visible
+    }
+}
+
+/// The states of a place that ways were found into so far.
+struct Reach {
+    /// Each as bit number `state mod 64`.
+    states: u64,
+    /// No way costs more.
+    most: f64,
+    /// Nothing that costs so much is wanted.
+    limit: f64,
+    /// Whether each state has a bit of its own.
+    few: bool,
+}
+
+impl Reach {
+    /// Whether a neighbour can lead to a new state or be a cheaper way: one that leads only to states
+    /// that are reached more cheaply has nothing to give, now or later.
+    fn wants(&self, ranks: &[super::Rank], neighbour: &Neighbour) -> bool {
+        if neighbour.bound >= self.limit {
+            return false;
+        }
+        let cheaper = neighbour.bound < self.most;
+        cheaper || !self.few || ranks[neighbour.site.0 as usize].targets & !self.states != 0
+    }
+}
+
+/// The cheapest way in first.
+fn order(a: &Neighbour, b: &Neighbour) -> std::cmp::Ordering {
+    a.bound.total_cmp(&b.bound).then(a.site.cmp(&b.site))
+}

@@ -1,5 +1,6 @@
 //! The memory of a program and its execution.
 
+use super::product::LANES;
 use super::views::{Mat, MatMut, Planes, PlanesMut, Scratch};
 use super::{
     Kernel, broadcast, conv_transpose2d, conv2d, copy_rows, gat, global_mean_pool, linear,
@@ -65,7 +66,7 @@ impl Session {
         self.size = inputs.size();
         self.buffers.resize_with(program.buffers.len(), Vec::new);
         for (values, buffer) in self.buffers.iter_mut().zip(&program.buffers) {
-            values.resize(buffer.len(self.size), 0.0);
+            values.resize(buffer.len(self.size) + LANES, 0.0);
         }
         for input in &program.inputs {
             inputs.fill(input, &mut self.buffers[input.at.buffer.index()]);
@@ -149,7 +150,7 @@ impl Session {
                     constant(bias),
                     activation,
                     y,
-                    scratch.threads,
+                    scratch,
                 );
             }
             Op::Gat {
@@ -225,7 +226,7 @@ impl Session {
     }
 
     fn planes(&self, m: Map) -> Planes<'_> {
-        let data = &self.buffers[m.buffer.index()][m.offset..][..m.len()];
+        let data = &self.buffers[m.buffer.index()][m.offset..];
         Planes {
             data,
             channels: m.channels,

@@ -40,12 +40,12 @@ struct Room {
 impl GpuSession {
     /// Uploads a program's weights.
     pub(super) fn new(device: &Device, queue: &Queue, program: &Program) -> Self {
-        let constants = packed(program);
-        let constants = constants
+        let constants = program
+            .constants
             .iter()
             .map(|values| {
                 let buffer = storage(device, "weights", values.len());
-                queue.write_buffer(&buffer, 0, bytemuck::cast_slice(values));
+                queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&values[..]));
                 buffer
             })
             .collect();
@@ -266,34 +266,4 @@ fn edge_words(inputs: &Inputs<'_>) -> (Vec<u32>, EdgeOffsets) {
         words.extend(list.sources);
     }
     (words, offsets)
-}
-
-/// The constants as kernels want them: the weights of products as (inner, outputs), outputs
-/// padded to a multiple of four.
-fn packed(program: &Program) -> Vec<Vec<f32>> {
-    let mut constants: Vec<Vec<f32>> = program.constants.iter().map(|c| c.to_vec()).collect();
-    for op in &program.ops {
-        let (weight, parts, out) = match op {
-            Op::Conv2d { weight, y, .. } => (weight, 1, y.channels),
-            Op::ConvTranspose2d {
-                weight, window, y, ..
-            } => (weight, window.stride * window.stride, y.channels),
-            Op::Linear { weight, y, .. } => (weight, 1, y.columns),
-            _ => continue,
-        };
-        // A constant belongs to one operation, so it is turned once.
-        let rows = &program.constants[weight.index()];
-        let inner = rows.len() / (parts * out).max(1);
-        let wide = round_up(out, 4);
-        let mut turned = vec![0.0; parts * inner * wide];
-        for (part, values) in rows.chunks_exact((out * inner).max(1)).enumerate() {
-            for (o, row) in values.chunks_exact(inner.max(1)).enumerate() {
-                for (k, &w) in row.iter().enumerate() {
-                    turned[(part * inner + k) * wide + o] = w;
-                }
-            }
-        }
-        constants[weight.index()] = turned;
-    }
-    constants
 }

@@ -26,7 +26,7 @@ fn extent(part: u32) -> vec3<u32> {
 // Panels of eight rows, two vectors for each k.
 fn factors(k: u32, row4: u32, part: u32) -> vec4<f32> {
     let depth = p.channels * p.kernel * p.kernel;
-    return weight[(row4 / 2u * depth + k) * 2u + row4 % 2u];
+    return weight4((row4 / 2u * depth + k) * 2u + row4 % 2u);
 }
 
 fn load(k: u32, column: u32, part: u32) -> vec4<f32> {

@@ -34,7 +34,7 @@ fn extent(part: u32) -> vec3<u32> {
 fn factors(k: u32, row4: u32, part: u32) -> vec4<f32> {
     let depth = p.channels * p.taps * p.taps;
     let panel = part * ((p.out + 7u) / 8u) + row4 / 2u;
-    return weight[(panel * depth + k) * 2u + row4 % 2u];
+    return weight4((panel * depth + k) * 2u + row4 % 2u);
 }
 
 fn load(k: u32, column: u32, part: u32) -> vec4<f32> {

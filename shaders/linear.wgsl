@@ -22,7 +22,7 @@ fn extent(part: u32) -> vec3<u32> {
 
 // Rows of outputs, a multiple of sixteen of them.
 fn factors(k: u32, row4: u32, part: u32) -> vec4<f32> {
-    return weight[k * ((p.out + 15u) / 16u * 4u) + row4];
+    return weight4(k * ((p.out + 15u) / 16u * 4u) + row4);
 }
 
 fn load(k: u32, column: u32, part: u32) -> vec4<f32> {

@@ -537,6 +537,8 @@ pub struct Program {
     pub resolution: usize,
     /// Region channels.
     pub labels: usize,
+    /// Whether adapters may store the weights of products as 16-bit floats: the file does.
+    pub half: bool,
 }
 
 impl Program {

@@ -1,6 +1,8 @@
 //! Convolution.
 
-use super::math::finish;
+use pulp::Arch;
+
+use super::math::finish_into;
 use super::padded::Padded;
 use super::product::{LANES, PANEL, Product};
 use super::views::{Planes, PlanesMut, Scratch, at_least};
@@ -77,19 +79,22 @@ pub fn conv2d(
                 columns,
             };
             product.run(tile, length);
-            for (c, values) in tile.chunks_exact(length).take(y.channels).enumerate() {
-                let channel = first_channel + c;
-                for (r, values) in values.chunks(padded.width).take(rows).enumerate() {
-                    let at = (first + r) * width;
-                    let to = &mut y.data[c * cells + at..][..width];
-                    to.copy_from_slice(&values[..width]);
-                    if let Some(residual) = residual {
-                        let other = &residual.data[channel * cells + at..][..width];
-                        to.iter_mut().zip(other).for_each(|(v, r)| *v += r);
+            // Where no columns are dropped, rows follow one another.
+            let line = if padded.width == width { rows } else { 1 } * width;
+            let step = line.max(padded.width);
+            let finish = || {
+                for (c, values) in tile.chunks_exact(length).take(y.channels).enumerate() {
+                    let channel = first_channel + c;
+                    for r in 0..rows * width / line {
+                        let at = first * width + r * line;
+                        let residual = residual.map(|x| &x.data[channel * cells + at..][..line]);
+                        let to = &mut y.data[c * cells + at..][..line];
+                        let values = &values[r * step..][..line];
+                        finish_into(to, values, residual, k.bias[channel], k.activation);
                     }
-                    finish(to, k.bias[channel], k.activation);
                 }
-            }
+            };
+            Arch::new().dispatch(finish);
         }
     });
 }

@@ -1,5 +1,7 @@
 //! Transposed convolution.
 
+use pulp::Arch;
+
 use super::conv2d::Kernel;
 use super::math::finish;
 use super::padded::Padded;
@@ -64,22 +66,26 @@ pub fn conv_transpose2d(x: Planes<'_>, k: &Kernel<'_>, y: PlanesMut<'_>, scratch
                     };
                     product.run(&mut tile[column * part..], length);
                 }
-                for line in 0..channels * rows {
-                    let (c, r) = (line / rows, line % rows);
-                    let row = residue + stride * (first + r);
-                    let to = &mut y.data[(c * height + row) * width..][..width];
-                    let at = c * length + r * padded.width;
-                    let source =
-                        |column: usize| &tile[column * part + at..][..count(column, width)];
-                    interleave(to, stride, source);
-                    finish(to, k.bias[first_channel + c], k.activation);
-                }
+                let finish_rows = || {
+                    for line in 0..channels * rows {
+                        let (c, r) = (line / rows, line % rows);
+                        let row = residue + stride * (first + r);
+                        let to = &mut y.data[(c * height + row) * width..][..width];
+                        let at = c * length + r * padded.width;
+                        let source =
+                            |column: usize| &tile[column * part + at..][..count(column, width)];
+                        interleave(to, stride, source);
+                        finish(to, k.bias[first_channel + c], k.activation);
+                    }
+                };
+                Arch::new().dispatch(finish_rows);
             }
         }
     });
 }
 
 /// `line[column + stride·n] = source(column)[n]`.
+#[inline(always)]
 fn interleave<'a>(line: &mut [f32], stride: usize, source: impl Fn(usize) -> &'a [f32]) {
     if stride == 2 && line.len() > 1 {
         let (even, odd) = (source(0), source(1));

@@ -1,8 +1,8 @@
 //! Runs programs on the processor.
 //!
 //! One function per operation, of the operation's name; each has a twin of that name in
-//! `shaders/`. Products of convolutions and linear layers are
-//! [`product`]'s; the crate `gemm` multiplies the rest.
+//! `shaders/`. Products are [`product`]'s; the crate `gemm`, in
+//! [`matmul`], tells what the processor can do at most.
 
 mod conv2d;
 mod conv_transpose2d;

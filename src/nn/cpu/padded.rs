@@ -5,6 +5,8 @@
 //! begins at some place. Rows of the padded planes are wider than the output's; the columns
 //! between are computed and dropped.
 
+use pulp::Arch;
+
 use super::product::LANES;
 use super::views::Planes;
 
@@ -38,6 +40,11 @@ impl Padded {
 
     /// Lays out the input.
     pub(super) fn fill(&self, x: Planes<'_>, planes: &mut [f32]) {
+        Arch::new().dispatch(|| self.copy(x, planes));
+    }
+
+    #[inline(always)]
+    fn copy(&self, x: Planes<'_>, planes: &mut [f32]) {
         let mut lines = planes.chunks_exact_mut(self.width.max(1));
         for channel in 0..self.channels {
             let plane = x.channel(channel);
@@ -90,6 +97,7 @@ impl Padded {
 }
 
 /// `line[o] = row[o·stride + tap − padding]`, 0 outside the row.
+#[inline(always)]
 fn copy_line(row: &[f32], tap: usize, stride: usize, padding: usize, line: &mut [f32]) {
     let begin = padding.saturating_sub(tap).div_ceil(stride).min(line.len());
     let end = (row.len() + padding)

@@ -173,7 +173,8 @@ impl Session {
             }
             Op::MeanRows { x, y } => mean_rows(self.read(x), mat_mut(out, y, size)),
             Op::RegionMean { x, mask, y } => {
-                region_mean(self.planes(x), self.planes(mask), mat_mut(out, y, size));
+                let (x, mask) = (self.planes(x), self.planes(mask));
+                region_mean(x, mask, mat_mut(out, y, size), scratch);
             }
             Op::SignMean {
                 literals,
@@ -202,7 +203,7 @@ impl Session {
                 );
             }
             Op::Paint { mask, colour, y } => {
-                paint(self.planes(mask), self.read(colour), planes_mut(out, y));
+                paint(self.planes(mask), self.read(colour), planes_mut(out, y), scratch);
             }
             Op::Upsample { x, y } => upsample(self.planes(x), planes_mut(out, y), scratch),
             Op::Broadcast { x, add, y } => broadcast(self.read(x).row(0), add, planes_mut(out, y)),

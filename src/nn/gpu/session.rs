@@ -1,12 +1,12 @@
 //! A program on a device: its buffers, its kernels, and how they are recorded.
 
-use std::collections::HashMap;
+use half::slice::HalfFloatSliceExt as _;
+use wgpu::{BindGroup, Buffer, BufferUsages, Device, Queue};
 
-use wgpu::{BindGroup, Buffer, BufferUsages, ComputePipeline, Device, Queue};
-
-use super::kernels::{Kernel, TileRule};
+use super::kernels::TileRule;
 use super::layout::{Layout, round_up};
 use super::lower::{Dispatch, EdgeOffsets, Slot, lower};
+use super::pipelines::Pipelines;
 use crate::nn::inputs::Inputs;
 use crate::nn::program::{Edges, GraphSize, Op, Program};
 
@@ -14,15 +14,14 @@ use crate::nn::program::{Edges, GraphSize, Op, Program};
 /// default limits allow devices to ask for.
 const PARAMS_STRIDE: u64 = 256;
 
-/// Pipelines by kernel; programs on one device share them.
-pub(super) type Pipelines = HashMap<Kernel, ComputePipeline>;
-
 /// A program's place on a device.
 #[derive(Debug)]
 pub(super) struct GpuSession {
     constants: Vec<Buffer>,
     params: Buffer,
     nothing: Buffer,
+    /// Whether the weights of products are 16-bit floats.
+    half: bool,
     room: Option<Room>,
     staging: Vec<f32>,
 }
@@ -38,12 +37,23 @@ struct Room {
 }
 
 impl GpuSession {
-    /// Uploads a program's weights.
-    pub(super) fn new(device: &Device, queue: &Queue, program: &Program) -> Self {
+    /// Uploads a program's weights; `half` says whether the device unpacks 16-bit floats.
+    pub(super) fn new(device: &Device, queue: &Queue, program: &Program, half: bool) -> Self {
+        let half = half && program.half;
+        let halved = halved(program, half);
         let constants = program
             .constants
             .iter()
-            .map(|values| {
+            .zip(halved)
+            .map(|(values, halved)| {
+                if halved {
+                    let words: Vec<half::f16> =
+                        values.iter().map(|&v| half::f16::from_f32(v)).collect();
+                    let buffer = storage(device, "weights", words.len().div_ceil(2));
+                    // Weights of products come in multiples of eight.
+                    queue.write_buffer(&buffer, 0, bytemuck::cast_slice(words.reinterpret_cast()));
+                    return buffer;
+                }
                 let buffer = storage(device, "weights", values.len());
                 queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&values[..]));
                 buffer
@@ -60,6 +70,7 @@ impl GpuSession {
             constants,
             params,
             nothing,
+            half,
             room: None,
             staging: Vec::new(),
         }
@@ -110,7 +121,9 @@ impl GpuSession {
             .iter()
             .zip(words.chunks_exact_mut(PARAMS_STRIDE as usize))
         {
-            dispatches.push(lower(op, size, &offsets, tiles, at));
+            let mut dispatch = lower(op, size, &offsets, tiles, at);
+            dispatch.kernel.half = self.half && dispatch.kernel.tile.is_some();
+            dispatches.push(dispatch);
         }
         queue.write_buffer(&self.params, 0, &words);
         dispatches
@@ -130,7 +143,7 @@ impl GpuSession {
         };
         let mut pass = encoder.begin_compute_pass(&descriptor);
         for (k, (dispatch, group)) in dispatches.iter().zip(&room.groups).enumerate() {
-            let Some(pipeline) = pipelines.get(&dispatch.kernel) else {
+            let Some(pipeline) = pipelines.get(dispatch.kernel) else {
                 continue;
             };
             if dispatch.groups.contains(&0) {
@@ -242,6 +255,20 @@ impl GpuSession {
             entries: &entries,
         })
     }
+}
+
+/// For each constant whether it is stored as 16-bit floats: the weights of products, if `half`.
+fn halved(program: &Program, half: bool) -> Vec<bool> {
+    let mut halved = vec![false; program.constants.len()];
+    for op in &program.ops {
+        if let Op::Conv2d { weight, .. }
+        | Op::ConvTranspose2d { weight, .. }
+        | Op::Linear { weight, .. } = op
+        {
+            halved[weight.index()] = half;
+        }
+    }
+    halved
 }
 
 fn storage(device: &Device, label: &str, values: usize) -> Buffer {

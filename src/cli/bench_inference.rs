@@ -123,7 +123,10 @@ fn networks(args: &BenchInferenceArgs, console: &Console) -> Result<Vec<Network>
     if args.model.is_empty()
         && let (true, Some(files)) = (folders.is_empty(), embedded())
     {
-        for (name, bytes) in ["built-in PathNet", "built-in StateNet"].into_iter().zip(files) {
+        for (name, bytes) in ["built-in PathNet", "built-in StateNet"]
+            .into_iter()
+            .zip(files)
+        {
             found.push(file_network(name, bytes.to_vec()));
         }
     }
@@ -168,7 +171,12 @@ fn guidance(
     let cases = if args.scenarios.is_empty() {
         generated_cases(args.seed, args.missions, &mut predictor)
     } else {
-        missions(&args.scenarios, Some(args.missions), &mut predictor, console)?
+        missions(
+            &args.scenarios,
+            Some(args.missions),
+            &mut predictor,
+            console,
+        )?
     };
     let settings = Settings {
         seed: args.seed,
@@ -178,9 +186,16 @@ fn guidance(
     let stop = super::interrupt::stop_on_interrupt();
     let bar = console.progress(cases.len() as u64, "guided against biased");
     let device = predictor.device().to_owned();
-    let even = break_even(&device, &cases, args.trials, &settings, &stop, &mut |done| {
-        bar.set_position(done as u64);
-    })
+    let even = break_even(
+        &device,
+        &cases,
+        args.trials,
+        &settings,
+        &stop,
+        &mut |done| {
+            bar.set_position(done as u64);
+        },
+    )
     .map_err(|e| Failure::input(e.to_string()))?;
     bar.finish_and_clear();
     Ok(even)

@@ -144,8 +144,14 @@ mod tests {
         graph.check().unwrap();
         // Wherever a region is asked for it is the third.
         assert!(graph.literals.chunks(3).any(|row| row == [0, 0, 1]));
-        assert!(graph.literals.chunks(3).all(|row| row[0] >= 0 && row[1] >= 0));
-        let (_, names) = AutomatonGraph::published(&task(&["desk", "attic"], "<> desk && <> attic"));
+        assert!(
+            graph
+                .literals
+                .chunks(3)
+                .all(|row| row[0] >= 0 && row[1] >= 0)
+        );
+        let (_, names) =
+            AutomatonGraph::published(&task(&["desk", "attic"], "<> desk && <> attic"));
         assert_eq!(names, [Some("attic".to_owned()), Some("desk".to_owned())]);
     }
 
@@ -163,7 +169,8 @@ mod tests {
 
     #[test]
     fn a_pair_of_states_has_one_transition() {
-        let (graph, _) = AutomatonGraph::published(&task(&["l1", "l2", "l3"], "<> (l1 || l2) && <> l3"));
+        let (graph, _) =
+            AutomatonGraph::published(&task(&["l1", "l2", "l3"], "<> (l1 || l2) && <> l3"));
         let pairs: HashSet<_> = graph.ends.iter().collect();
         assert_eq!(pairs.len(), graph.ends.len());
         let positive = |row: &[i8]| row.iter().filter(|&&e| e > 0).count();

@@ -122,14 +122,18 @@ fn encode<'a>(
 ) -> Result<(MapInput<'a>, AutomatonGraph), PredictError> {
     let (graph, names) = match encoding {
         Encoding::Own => {
-            let (graph, names) = AutomatonGraph::of_task(task)
-                .map_err(|_| PredictError::Inconsistent("a region of the task is not on the map"))?;
+            let (graph, names) = AutomatonGraph::of_task(task).map_err(|_| {
+                PredictError::Inconsistent("a region of the task is not on the map")
+            })?;
             (graph, names.into_iter().map(Some).collect())
         }
         Encoding::Published => AutomatonGraph::published(task),
     };
     let outline = |name: &Option<String>| {
-        let region = map.regions().iter().find(|r| Some(&r.name) == name.as_ref());
+        let region = map
+            .regions()
+            .iter()
+            .find(|r| Some(&r.name) == name.as_ref());
         // An outline without corners marks no cell.
         region.map_or(&[][..], |r| r.polygon.vertices())
     };

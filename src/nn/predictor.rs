@@ -203,7 +203,10 @@ impl Predictor {
         files: [(&str, &[u8]); 2],
         options: impl Into<LoadOptions>,
     ) -> Result<Self, LoadError> {
-        Self::from_files(files.map(|(name, bytes)| WeightFile::parse(name, bytes)), options)
+        Self::from_files(
+            files.map(|(name, bytes)| WeightFile::parse(name, bytes)),
+            options,
+        )
     }
 
     fn from_files(
@@ -321,7 +324,9 @@ impl Predictor {
         missions: [EncodedMission<'_>; 2],
     ) -> Result<(Guidance, Timings), PredictError> {
         let mut found = self.predict_many(&[missions]);
-        found.pop().unwrap_or(Err(PredictError::Inconsistent("there is no mission")))
+        found
+            .pop()
+            .unwrap_or(Err(PredictError::Inconsistent("there is no mission")))
     }
 
     /// As [`Self::predict_each`], for many missions: on adapters one read-back for all of them, on

@@ -142,7 +142,8 @@ pub fn break_even(
             super::super::mean(&times)
         };
         let both = [Strategy::Biased, Strategy::Guided];
-        if both.iter().any(|&s| of(s).count() == 0) || both.iter().all(|&s| of(s).all(|t| !t.solved))
+        if both.iter().any(|&s| of(s).count() == 0)
+            || both.iter().all(|&s| of(s).all(|t| !t.solved))
         {
             continue;
         }

@@ -177,7 +177,9 @@ impl InferenceTable {
         let first_ms = milliseconds(first.elapsed());
         let before = thread_seconds();
         let times = self.settings.times(&mut || run(&model.program, &inputs));
-        let spent = thread_seconds().zip(before).map(|(after, before)| after - before);
+        let spent = thread_seconds()
+            .zip(before)
+            .map(|(after, before)| after - before);
         let alone = device.kind() == "cpu" && self.settings.threads <= 1;
         let Some(steady_ms) = Summary::of(&times) else {
             return Ok(None);
@@ -189,7 +191,9 @@ impl InferenceTable {
             multiply_adds,
             start_ms: milliseconds(start),
             first_ms,
-            cpu_ms: spent.filter(|_| alone).map(|s| 1e3 * s / times.len() as f64),
+            cpu_ms: spent
+                .filter(|_| alone)
+                .map(|s| 1e3 * s / times.len() as f64),
             gflops: gflops(steady_ms.median),
             best_gflops: gflops(steady_ms.min),
             peak_share: gflops(steady_ms.min) / peak,

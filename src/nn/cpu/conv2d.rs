@@ -64,37 +64,44 @@ pub fn conv2d(
     padded.offsets(taps, offsets);
     let (cells, width) = (y.height * y.width, y.width);
     let strip = padded.strip(y.channels);
-    super::share(*threads, y, offsets.len(), tile, |first_channel, y, tile| {
-        let left = &k.weight[first_channel * offsets.len()..];
-        for first in (0..y.height).step_by(strip) {
-            let rows = strip.min(y.height - first);
-            let columns = padded.columns(rows, width);
-            let length = columns.next_multiple_of(LANES);
-            let tile = at_least(tile, y.channels.next_multiple_of(PANEL) * length);
-            let product = Product {
-                left,
-                offsets,
-                right: &planes[first * padded.width..],
-                rows: y.channels,
-                columns,
-            };
-            product.run(tile, length);
-            // Where no columns are dropped, rows follow one another.
-            let line = if padded.width == width { rows } else { 1 } * width;
-            let step = line.max(padded.width);
-            let finish = || {
-                for (c, values) in tile.chunks_exact(length).take(y.channels).enumerate() {
-                    let channel = first_channel + c;
-                    for r in 0..rows * width / line {
-                        let at = first * width + r * line;
-                        let residual = residual.map(|x| &x.data[channel * cells + at..][..line]);
-                        let to = &mut y.data[c * cells + at..][..line];
-                        let values = &values[r * step..][..line];
-                        finish_into(to, values, residual, k.bias[channel], k.activation);
+    super::share(
+        *threads,
+        y,
+        offsets.len(),
+        tile,
+        |first_channel, y, tile| {
+            let left = &k.weight[first_channel * offsets.len()..];
+            for first in (0..y.height).step_by(strip) {
+                let rows = strip.min(y.height - first);
+                let columns = padded.columns(rows, width);
+                let length = columns.next_multiple_of(LANES);
+                let tile = at_least(tile, y.channels.next_multiple_of(PANEL) * length);
+                let product = Product {
+                    left,
+                    offsets,
+                    right: &planes[first * padded.width..],
+                    rows: y.channels,
+                    columns,
+                };
+                product.run(tile, length);
+                // Where no columns are dropped, rows follow one another.
+                let line = if padded.width == width { rows } else { 1 } * width;
+                let step = line.max(padded.width);
+                let finish = || {
+                    for (c, values) in tile.chunks_exact(length).take(y.channels).enumerate() {
+                        let channel = first_channel + c;
+                        for r in 0..rows * width / line {
+                            let at = first * width + r * line;
+                            let residual =
+                                residual.map(|x| &x.data[channel * cells + at..][..line]);
+                            let to = &mut y.data[c * cells + at..][..line];
+                            let values = &values[r * step..][..line];
+                            finish_into(to, values, residual, k.bias[channel], k.activation);
+                        }
                     }
-                }
-            };
-            Arch::new().dispatch(finish);
-        }
-    });
+                };
+                Arch::new().dispatch(finish);
+            }
+        },
+    );
 }

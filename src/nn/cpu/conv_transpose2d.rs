@@ -45,43 +45,49 @@ pub fn conv_transpose2d(x: Planes<'_>, k: &Kernel<'_>, y: PlanesMut<'_>, scratch
     let depth = offsets.len();
     let of_residue = y.channels.next_multiple_of(PANEL) * depth;
     let strip = padded.strip(stride * y.channels);
-    super::share(*threads, y, stride * depth, tile, |first_channel, y, tile| {
-        let channels = y.channels;
-        for residue in 0..stride.min(height) {
-            let lines = count(residue, height);
-            for first in (0..lines).step_by(strip) {
-                let rows = strip.min(lines - first);
-                let length = (rows * padded.width).next_multiple_of(LANES);
-                let part = channels.next_multiple_of(PANEL) * length;
-                let tile = at_least(tile, stride * part);
-                for column in 0..stride.min(width) {
-                    let left = (residue * stride + column) * of_residue + first_channel * depth;
-                    let begin = (first + ahead(residue)) * padded.width + ahead(column);
-                    let product = Product {
-                        left: &k.weight[left..],
-                        offsets,
-                        right: &planes[begin..],
-                        rows: channels,
-                        columns: padded.columns(rows, count(column, width)),
-                    };
-                    product.run(&mut tile[column * part..], length);
-                }
-                let finish_rows = || {
-                    for line in 0..channels * rows {
-                        let (c, r) = (line / rows, line % rows);
-                        let row = residue + stride * (first + r);
-                        let to = &mut y.data[(c * height + row) * width..][..width];
-                        let at = c * length + r * padded.width;
-                        let source =
-                            |column: usize| &tile[column * part + at..][..count(column, width)];
-                        interleave(to, stride, source);
-                        finish(to, k.bias[first_channel + c], k.activation);
+    super::share(
+        *threads,
+        y,
+        stride * depth,
+        tile,
+        |first_channel, y, tile| {
+            let channels = y.channels;
+            for residue in 0..stride.min(height) {
+                let lines = count(residue, height);
+                for first in (0..lines).step_by(strip) {
+                    let rows = strip.min(lines - first);
+                    let length = (rows * padded.width).next_multiple_of(LANES);
+                    let part = channels.next_multiple_of(PANEL) * length;
+                    let tile = at_least(tile, stride * part);
+                    for column in 0..stride.min(width) {
+                        let left = (residue * stride + column) * of_residue + first_channel * depth;
+                        let begin = (first + ahead(residue)) * padded.width + ahead(column);
+                        let product = Product {
+                            left: &k.weight[left..],
+                            offsets,
+                            right: &planes[begin..],
+                            rows: channels,
+                            columns: padded.columns(rows, count(column, width)),
+                        };
+                        product.run(&mut tile[column * part..], length);
                     }
-                };
-                Arch::new().dispatch(finish_rows);
+                    let finish_rows = || {
+                        for line in 0..channels * rows {
+                            let (c, r) = (line / rows, line % rows);
+                            let row = residue + stride * (first + r);
+                            let to = &mut y.data[(c * height + row) * width..][..width];
+                            let at = c * length + r * padded.width;
+                            let source =
+                                |column: usize| &tile[column * part + at..][..count(column, width)];
+                            interleave(to, stride, source);
+                            finish(to, k.bias[first_channel + c], k.activation);
+                        }
+                    };
+                    Arch::new().dispatch(finish_rows);
+                }
             }
-        }
-    });
+        },
+    );
 }
 
 /// `line[column + stride·n] = source(column)[n]`.

@@ -72,7 +72,9 @@ impl WithSimd for Blocks<'_> {
         let depth = product.offsets.len();
         for first in (0..product.rows).step_by(PANEL) {
             let left = &product.left[first * depth..][..depth * PANEL];
-            let blocks = left.chunks(DEPTH * PANEL).zip(product.offsets.chunks(DEPTH));
+            let blocks = left
+                .chunks(DEPTH * PANEL)
+                .zip(product.offsets.chunks(DEPTH));
             for (block, (left, offsets)) in blocks.enumerate() {
                 let panel = Panel {
                     left,
@@ -157,7 +159,11 @@ impl Panel<'_> {
             let row = &mut y[i * self.stride + column..][..width];
             let row = S::as_mut_simd_f32s(row).0;
             for (to, &sum) in row.iter_mut().zip(sums) {
-                *to = if self.add { simd.add_f32s(*to, sum) } else { sum };
+                *to = if self.add {
+                    simd.add_f32s(*to, sum)
+                } else {
+                    sum
+                };
             }
         }
         VECTORS
@@ -183,7 +189,11 @@ pub(super) fn fill_panels(
         let filled = rows.saturating_sub(first).min(PANEL);
         for (k, lane) in values.as_chunks_mut::<PANEL>().0.iter_mut().enumerate() {
             for (i, to) in lane.iter_mut().enumerate() {
-                *to = if i < filled { element(first + i, k) } else { 0.0 };
+                *to = if i < filled {
+                    element(first + i, k)
+                } else {
+                    0.0
+                };
             }
         }
     }

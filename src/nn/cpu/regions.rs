@@ -85,7 +85,9 @@ pub fn paint(mask: Planes<'_>, colour: Mat<'_>, y: PlanesMut<'_>, scratch: &mut 
         ..
     } = scratch;
     let left = at_least(panel, y.channels.next_multiple_of(PANEL) * mask.channels);
-    fill_panels(left, y.channels, mask.channels, |k, label| colour.row(label)[k]);
+    fill_panels(left, y.channels, mask.channels, |k, label| {
+        colour.row(label)[k]
+    });
     offsets.clear();
     offsets.extend((0..mask.channels).map(|label| (label * cells) as u32));
     let tile = at_least(tile, y.channels.next_multiple_of(PANEL) * STRIP);

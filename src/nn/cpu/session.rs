@@ -144,14 +144,7 @@ impl Session {
                     [Some(x), second].map(|m| m.map(|m| self.read(m))),
                     mat_mut(out, y, size),
                 );
-                linear(
-                    x,
-                    constant(weight),
-                    constant(bias),
-                    activation,
-                    y,
-                    scratch,
-                );
+                linear(x, constant(weight), constant(bias), activation, y, scratch);
             }
             Op::Gat {
                 source,
@@ -203,7 +196,12 @@ impl Session {
                 );
             }
             Op::Paint { mask, colour, y } => {
-                paint(self.planes(mask), self.read(colour), planes_mut(out, y), scratch);
+                paint(
+                    self.planes(mask),
+                    self.read(colour),
+                    planes_mut(out, y),
+                    scratch,
+                );
             }
             Op::Upsample { x, y } => upsample(self.planes(x), planes_mut(out, y), scratch),
             Op::Broadcast { x, add, y } => broadcast(self.read(x).row(0), add, planes_mut(out, y)),

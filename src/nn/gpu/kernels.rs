@@ -62,10 +62,7 @@ pub struct Kernel {
 
 /// Lines of the common text where weights are 32-bit floats, and what stands there otherwise.
 const HALF: [(&str, &str); 2] = [
-    (
-        "array<vec4<f32>>; // f32",
-        "array<vec2<u32>>;",
-    ),
+    ("array<vec4<f32>>; // f32", "array<vec2<u32>>;"),
     (
         "return weight[i]; // f32",
         "let w = weight[i]; return vec4<f32>(unpack2x16float(w.x), unpack2x16float(w.y));",

@@ -41,7 +41,10 @@ impl Model {
         program.resolution = config.resolution();
         program.labels = config.labels();
         program.half = !file.tensors.is_empty() && file.tensors.values().all(|t| t.stored == "F16");
-        let version = file.config.get("encoding").and_then(serde_json::Value::as_u64);
+        let version = file
+            .config
+            .get("encoding")
+            .and_then(serde_json::Value::as_u64);
         Ok(Self {
             encoding: version.and_then(Encoding::of_version).unwrap_or_default(),
             config,

@@ -127,12 +127,7 @@ impl WeightFile {
     }
 }
 
-fn read_tensor(
-    name: &str,
-    dtype: Dtype,
-    shape: &[usize],
-    data: &[u8],
-) -> Result<Tensor, Fault> {
+fn read_tensor(name: &str, dtype: Dtype, shape: &[usize], data: &[u8]) -> Result<Tensor, Fault> {
     let (stored, values): (_, Vec<f32>) = match dtype {
         Dtype::F32 => {
             let (words, _) = data.as_chunks::<4>();

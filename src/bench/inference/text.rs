@@ -9,7 +9,7 @@ impl InferenceTable {
     #[must_use]
     pub fn to_markdown(&self) -> String {
         let mut text = format!(
-            "{}; batch 1, f32, {} thread{} on the CPU, an automaton of 12 states and 60 transitions. Times in ms; GFLOP/s and share of the peak are those of the fastest run.\n\n",
+            "{}; batch 1, f32, {} thread{} on the CPU, an automaton of 12 states and 60 transitions. Times in ms; GFLOP/s are those of the fastest run.\n\n",
             self.machine,
             self.settings.threads,
             if self.settings.threads == 1 { "" } else { "s" }

@@ -5,10 +5,16 @@
 @group(0) @binding(1) var<storage, read> x: array<f32>;
 @group(0) @binding(2) var<storage, read> second: array<f32>;
 @group(0) @binding(3) var<storage, read_write> y: array<f32>;
-// Weights of products, (inner, outputs), outputs in fours and padded with zeros.
-@group(0) @binding(4) var<storage, read> weight: array<vec4<f32>>;
+// Weights of products, in the layout that their operations tell (src/nn/program.rs).
+// The loader replaces the two marked lines where they are stored as 16-bit floats.
+@group(0) @binding(4) var<storage, read> weight: array<vec4<f32>>; // f32
 @group(0) @binding(5) var<storage, read> bias: array<f32>;
 @group(0) @binding(6) var<storage, read> edges: array<u32>;
+
+// Four values of the weights.
+fn weight4(i: u32) -> vec4<f32> {
+    return weight[i]; // f32
+}
 
 const LEAKY_SLOPE: f32 = 0.2;
 

@@ -23,13 +23,16 @@ fn extent(part: u32) -> vec3<u32> {
     return vec3<u32>(p.out, p.out_height * p.out_width, p.channels * p.kernel * p.kernel);
 }
 
-fn weight_base(part: u32) -> u32 {
-    return 0u;
+// Panels of eight rows, two vectors for each k.
+fn factors(k: u32, row4: u32, part: u32) -> vec4<f32> {
+    let depth = p.channels * p.kernel * p.kernel;
+    return weight4((row4 / 2u * depth + k) * 2u + row4 % 2u);
 }
 
 fn load(k: u32, column: u32, part: u32) -> vec4<f32> {
-    let tap = k / p.channels;
-    let channel = k % p.channels;
+    let taps = p.kernel * p.kernel;
+    let tap = k % taps;
+    let channel = k / taps;
     let plane = p.x_offset + channel * p.height * p.width;
     let down = i32(tap / p.kernel) - i32(p.padding);
     let across = i32(tap % p.kernel) - i32(p.padding);

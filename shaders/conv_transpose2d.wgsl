@@ -30,14 +30,18 @@ fn extent(part: u32) -> vec3<u32> {
     return vec3<u32>(p.out, n.x * n.y, p.channels * p.taps * p.taps);
 }
 
-fn weight_base(part: u32) -> u32 {
-    return part * p.channels * p.taps * p.taps * ((p.out + 3u) / 4u);
+// Panels of eight rows for each residue, two vectors for each k.
+fn factors(k: u32, row4: u32, part: u32) -> vec4<f32> {
+    let depth = p.channels * p.taps * p.taps;
+    let panel = part * ((p.out + 7u) / 8u) + row4 / 2u;
+    return weight4((panel * depth + k) * 2u + row4 % 2u);
 }
 
 fn load(k: u32, column: u32, part: u32) -> vec4<f32> {
     let n = lines(part);
-    let tap = k / p.channels;
-    let channel = k % p.channels;
+    let taps = p.taps * p.taps;
+    let tap = k % taps;
+    let channel = k / taps;
     let plane = p.x_offset + channel * p.height * p.width;
     let down = i32((part / p.stride + p.padding) / p.stride) - i32(tap / p.taps);
     let across = i32((part % p.stride + p.padding) / p.stride) - i32(tap % p.taps);

@@ -20,8 +20,9 @@ fn extent(part: u32) -> vec3<u32> {
     return vec3<u32>(p.out, p.rows, p.x_columns + p.second_columns);
 }
 
-fn weight_base(part: u32) -> u32 {
-    return 0u;
+// Rows of outputs, a multiple of sixteen of them.
+fn factors(k: u32, row4: u32, part: u32) -> vec4<f32> {
+    return weight4(k * ((p.out + 15u) / 16u * 4u) + row4);
 }
 
 fn load(k: u32, column: u32, part: u32) -> vec4<f32> {

@@ -2,7 +2,7 @@
 // A workgroup computes a tile of 4*THREADS_M rows (outputs) by 4*THREADS_N columns (cells or nodes),
 // a thread four by four of it. The kernel that this is appended to defines
 //   fn extent(part: u32) -> vec3<u32>                           rows, columns, inner
-//   fn weight_base(part: u32) -> u32                            in vec4
+//   fn factors(k: u32, row4: u32, part: u32) -> vec4<f32>       rows 4*row4 to 4*row4 + 3 of the left matrix
 //   fn load(k: u32, column: u32, part: u32) -> vec4<f32>        four columns of the right matrix
 //   fn store(row: u32, column: u32, part: u32, v: vec4<f32>)    four columns of the result
 // The loader replaces the first two constants by what suits the shape and the adapter.
@@ -23,7 +23,6 @@ fn main(
 ) {
     let size = extent(group.z);
     let rows4 = (size.x + 3u) / 4u;
-    let base = weight_base(group.z);
     let first_m = group.y * THREADS_M;
     let first_n = group.x * THREADS_N;
     var sum0 = vec4<f32>(0.0);
@@ -36,7 +35,7 @@ fn main(
             let m = first_m + i % THREADS_M;
             var w = vec4<f32>(0.0);
             if k < size.z && m < rows4 {
-                w = weight[base + k * rows4 + m];
+                w = factors(k, m, group.z);
             }
             tile_w[i] = w;
         }

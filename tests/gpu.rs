@@ -11,13 +11,13 @@ mod common;
 use std::sync::{Mutex, MutexGuard, OnceLock};
 
 use nalgebra::Point2;
-use nngtl::encoding::{AutomatonGraph, MapInput};
+use nngtl::encoding::{AutomatonGraph, MapInput, MapTensor};
 use nngtl::nn::Predictor;
 use nngtl::nn::device::{DeviceChoice, DeviceKind, Fallback};
 use nngtl::nn::gpu::Gpu;
 use nngtl::nn::gpu::kernels::Tile;
 use nngtl::nn::inputs::Inputs;
-use nngtl::nn::program::Program;
+use nngtl::nn::program::{Extent, Op, Program, Source};
 
 /// How far an adapter's probabilities may be from PyTorch's: its order of summation and its
 /// exponential are its own.
@@ -132,6 +132,19 @@ fn guidance_is_that_of_the_cpu_and_survives_the_loss_of_the_device() {
         assert!(error < MODEL_TOLERANCE, "states off by {error}");
         assert_eq!(device.take_notice(), None);
     }
+    // Many at once: as one by one.
+    let graphs: Vec<AutomatonGraph> = (1..6u32)
+        .map(|count| AutomatonGraph {
+            regions: 1,
+            states: (0..count).map(|q| [0.0, 1.0, q as f32 / 6.0]).collect(),
+            literals: (0..2 * count).map(|t| (t % 2) as i8).collect(),
+            ends: (0..2 * count).map(|t| (t % count, t * 3 % count)).collect(),
+        })
+        .collect();
+    let missions: Vec<_> = graphs.iter().map(|g| [(&map, g), (&map, g)]).collect();
+    for (found, graph) in device.predict_many(&missions).into_iter().zip(&graphs) {
+        assert_eq!(found.unwrap().0, device.predict(&map, graph).unwrap().0);
+    }
     device.lose_device();
     let graph = AutomatonGraph {
         regions: 1,
@@ -223,6 +236,30 @@ fn every_network_agrees_with_pytorch() {
 }
 
 #[test]
+fn weights_of_half_precision_stay_so_on_the_device() {
+    let Some((_, gpu)) = device("weights_of_half_precision_stay_so_on_the_device") else {
+        return;
+    };
+    // Rounding each weight to eleven bits moves probabilities by this much at most here.
+    const HALF_TOLERANCE: f32 = 4e-3;
+    for golden in common::model_goldens().into_iter().take(4) {
+        let inputs = Inputs {
+            map: &golden.map,
+            graph: &golden.graph,
+            given: &[],
+        };
+        let whole = run(&gpu, &golden.model.program, &inputs);
+        let mut program = golden.model.program.clone();
+        program.half = true;
+        let halved = run(&gpu, &program, &inputs);
+        let error = common::difference(&halved, &golden.output);
+        println!("{} with 16-bit weights: {error:.1e}", golden.name);
+        assert!(error < HALF_TOLERANCE, "{}: off by {error}", golden.name);
+        assert_ne!(halved, whole, "{}: nothing was rounded", golden.name);
+    }
+}
+
+#[test]
 fn a_device_that_is_lost_says_so() {
     // Waits its turn: devices of one process share a driver.
     let Some((choice, _turn)) = device("a_device_that_is_lost_says_so") else {
@@ -240,4 +277,47 @@ fn a_device_that_is_lost_says_so() {
     gpu.lose();
     let reason = gpu.run(&programs, &[inputs]).unwrap_err();
     assert!(matches!(reason, Fallback::Lost { .. }), "{reason}");
+}
+
+#[test]
+fn memory_that_is_not_there_is_told() {
+    let test = "memory_that_is_not_there_is_told";
+    let Some((choice, gpu)) = device(test) else {
+        return;
+    };
+    // A terabyte of fixed size is refused at once.
+    let mut program = Program::default();
+    program.map(1, 1 << 19, 1 << 19);
+    let refused = Gpu::open(choice, &[&program]).unwrap_err();
+    assert!(matches!(refused, Fallback::Unfit { .. }), "{refused}");
+    // So is, in the middle of the work, what grows with the automaton: 80 GB for this one.
+    let mut program = Program::default();
+    let x = program.matrix(Extent::States, 200_000);
+    program.input(Source::Constant(0.5), x.columns(0, 1));
+    let y = program.matrix(Extent::Fixed(1), 1);
+    program.push(Op::MeanRows {
+        x: x.columns(0, 1),
+        y,
+    });
+    program.output = Some(y);
+    let graph = |states: usize| AutomatonGraph {
+        regions: 0,
+        states: vec![[0.0; 3]; states],
+        literals: Vec::new(),
+        ends: Vec::new(),
+    };
+    let map = MapTensor::default();
+    let run = |states: usize| {
+        let graph = graph(states);
+        let inputs = Inputs {
+            map: &map,
+            graph: &graph,
+            given: &[],
+        };
+        gpu.run(&[&program], &[inputs])
+    };
+    gpu.reload(&[&program]).unwrap();
+    assert_eq!(run(2).unwrap(), [[0.5]]);
+    let lost = run(400).unwrap_err();
+    assert!(matches!(lost, Fallback::Lost { .. }), "{lost}");
 }

@@ -103,6 +103,68 @@ fn a_mission_gets_guidance_and_gets_it_again() {
 }
 
 #[test]
+fn many_missions_at_once_are_as_one_by_one() {
+    let missions: Vec<Mission> = ["F a", "F (a & F b) & G !c", "G F a & G F b"]
+        .into_iter()
+        .cycle()
+        .take(40)
+        .map(Mission::new)
+        .collect();
+    let maps: Vec<MapInput<'_>> = missions.iter().map(Mission::map).collect();
+    let mut pairs: Vec<_> = missions
+        .iter()
+        .zip(&maps)
+        .map(|(m, map)| [(map, &m.graph), (map, &m.graph)])
+        .collect();
+    // One that does not fit hinders no other.
+    pairs[7][1] = (&maps[7], &missions[6].graph);
+    let mut one = predictor(DeviceChoice::Cpu);
+    for threads in [1, 2] {
+        let mut many = predictor(LoadOptions {
+            device: DeviceChoice::Cpu,
+            missions: 40,
+            threads,
+        });
+        let found = many.predict_many(&pairs);
+        assert_eq!(found.len(), 40);
+        for (k, (found, [(map, graph), _])) in found.into_iter().zip(&pairs).enumerate() {
+            match found {
+                Ok((guidance, _)) => assert_eq!(guidance, one.predict(map, graph).unwrap().0),
+                Err(e) => assert!(
+                    k == 7 && matches!(e, PredictError::Inconsistent(_)),
+                    "{k}: {e}"
+                ),
+            }
+        }
+    }
+    assert!(one.predict_many(&[]).is_empty());
+}
+
+#[test]
+fn converted_weights_are_asked_in_their_own_encoding() {
+    use nngtl::encoding::Encoding;
+    let mut bytes = file("pathnet-published");
+    let at = |bytes: &[u8]| {
+        let text = br#"\"encoding\": 1"#;
+        bytes.windows(text.len()).position(|w| w == text).unwrap() + text.len() - 1
+    };
+    let place = at(&bytes);
+    bytes[place] = b'2';
+    let state = file("statenet-published");
+    let one =
+        Predictor::from_bytes([("path", &bytes), ("state", &state)], DeviceChoice::Cpu).unwrap();
+    assert_eq!(one.encodings(), [Encoding::Published, Encoding::Own]);
+    bytes[place] = b'3';
+    let refused = Predictor::from_bytes([("path", &bytes), ("state", &state)], DeviceChoice::Cpu);
+    assert!(
+        refused
+            .unwrap_err()
+            .to_string()
+            .contains("encoding version 3")
+    );
+}
+
+#[test]
 fn auto_stays_on_the_cpu_for_one_mission_with_small_networks() {
     let mut one = predictor(DeviceChoice::Auto);
     assert_eq!(one.device(), "cpu");

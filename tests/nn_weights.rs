@@ -191,7 +191,7 @@ fn metadata_that_is_missing_or_broken_is_told() {
 fn versions_and_sizes_of_the_config_are_checked() {
     let mut parts = Parts::new();
     parts.config(|c| {
-        c["encoding"] = 2.into();
+        c["encoding"] = 3.into();
         c["labels"] = 0.into();
         c["widths"] = vec![16u64, 1 << 40].into();
     });
@@ -200,7 +200,7 @@ fn versions_and_sizes_of_the_config_are_checked() {
         f,
         Fault::Version {
             what: "encoding",
-            found: 2,
+            found: 3,
             ..
         }
     )));
@@ -278,4 +278,64 @@ proptest! {
         });
         let _ = load(&parts.assemble());
     }
+}
+
+/// Weight files whose digest is not computed when they are loaded, since they are part of the
+/// program: here it is.
+#[test]
+fn the_weights_that_are_built_in_are_sound() {
+    for bytes in nngtl::nn::embedded().into_iter().flatten() {
+        load(bytes).unwrap();
+    }
+}
+
+#[test]
+fn half_precision_is_read_and_its_faults_are_told() {
+    let mut parts = Parts::new();
+    for (dtype, _, data) in parts.tensors.values_mut() {
+        let words: Vec<f32> = data
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .map(|&b| f32::from_le_bytes(b))
+            .collect();
+        *dtype = Dtype::F16;
+        *data = words
+            .iter()
+            .flat_map(|&v| half::f16::from_f32(v).to_le_bytes())
+            .collect();
+    }
+    let (whole, halved) = (load(&bytes()).unwrap(), load(&parts.assemble()).unwrap());
+    for (a, b) in whole
+        .program
+        .constants
+        .iter()
+        .zip(&halved.program.constants)
+    {
+        assert_eq!(a.len(), b.len());
+        let largest = a.iter().fold(0.0f32, |m, v| m.max(v.abs()));
+        assert!(
+            a.iter()
+                .zip(&b[..])
+                .all(|(x, y)| (x - y).abs() <= 2e-3 * largest)
+        );
+    }
+    // A number beyond the range of half precision, a shape that lost a row, a type of 64 bits.
+    parts.values("head.weight")[..2].copy_from_slice(&half::f16::INFINITY.to_le_bytes());
+    let (dtype, _, data) = parts.tensors.get_mut("head.bias").unwrap();
+    *dtype = Dtype::F64;
+    *data = vec![0; 8];
+    let text: Vec<String> = faults(&parts.assemble())
+        .iter()
+        .map(ToString::to_string)
+        .collect();
+    assert_eq!(text.len(), 2, "{text:?}");
+    assert!(
+        text.iter()
+            .any(|t| t.contains("`head.weight` has 1 values that are not finite"))
+    );
+    assert!(
+        text.iter()
+            .any(|t| t.contains("`head.bias` is of type F64"))
+    );
 }

@@ -4,6 +4,7 @@
 //! iteration is one drawn sample; runs that spend their budget count at the cap and are told.
 
 mod convergence;
+pub mod inference;
 mod report;
 mod stats;
 pub mod transfer;

@@ -459,6 +459,7 @@ pub(super) enum StrategyName {
 #[derive(Debug, Subcommand)]
 pub(super) enum BenchCommand {
     Transfer(BenchTransferArgs),
+    Inference(BenchInferenceArgs),
 }
 
 /// Measure transfer planning as its paper does
@@ -493,6 +494,57 @@ pub(super) struct BenchTransferArgs {
     /// Write the tables as Markdown
     #[arg(long, value_name = "FILE.md")]
     pub(super) report: Option<PathBuf>,
+}
+
+/// Measure the networks on this machine's devices
+///
+/// Every model given or found in `models/`, and the paper's networks with random weights, on every
+/// device: start-up, first run and steady state, beside the device's measured peak. Then guided
+/// against biased search with inference included: from when on guidance pays.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  nngtl bench inference\n  nngtl bench inference --device cpu --report inference.md --csv inference.csv --plot inference.svg\n  nngtl bench inference --model models/mine --no-paper scenarios/*.toml"
+)]
+pub(super) struct BenchInferenceArgs {
+    /// Missions to compare samplers on: scenario files or folders of data sets [default: generated]
+    #[arg(value_name = "SCENARIOS")]
+    pub(super) scenarios: Vec<PathBuf>,
+    /// Weight files or folders of two to measure [default: those in models/, else the built-in ones]
+    #[arg(long, value_name = "FILE|DIR")]
+    pub(super) model: Vec<PathBuf>,
+    /// Leave out the paper's networks with random weights
+    #[arg(long)]
+    pub(super) no_paper: bool,
+    /// Measure on this device alone
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub(super) device: Option<DeviceName>,
+    /// Threads of the CPU path
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(super) threads: usize,
+    /// Runs of each network on each device, at least
+    #[arg(long, value_name = "N", default_value_t = 30)]
+    pub(super) runs: usize,
+    /// Seconds for each network on each device, about
+    #[arg(long, value_name = "S", default_value_t = 2.0)]
+    pub(super) seconds: f64,
+    /// Missions to compare samplers on, at most; 0 leaves the comparison out
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    pub(super) missions: usize,
+    /// Runs of each sampler on each mission
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    pub(super) trials: u64,
+    /// Seed of the missions and of the first run
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Write the tables as Markdown
+    #[arg(long, value_name = "FILE.md")]
+    pub(super) report: Option<PathBuf>,
+    /// Write one line of comma-separated values for each network and device
+    #[arg(long, value_name = "FILE.csv")]
+    pub(super) csv: Option<PathBuf>,
+    /// Draw the latencies
+    #[arg(long, value_name = "FILE.svg|png")]
+    pub(super) plot: Option<PathBuf>,
 }
 
 /// A table of the transfer benchmark.

@@ -48,10 +48,7 @@ pub(super) fn run(args: &BenchArgs, console: &Console) -> Result<(), Failure> {
         .contains(&Strategy::Guided)
         .then(|| load(args))
         .transpose()?;
-    let mut cases = Vec::new();
-    for mission in missions {
-        cases.push(case(mission, predictor.as_mut(), console)?);
-    }
+    let cases = cases(missions, predictor.as_mut(), console)?;
     if args.gaps {
         return gaps(args, &cases, &strategies, console);
     }
@@ -223,9 +220,47 @@ fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Fa
     Ok(found)
 }
 
+/// The missions of these files and folders, with predictions.
+pub(super) fn missions(
+    paths: &[std::path::PathBuf],
+    limit: Option<usize>,
+    predictor: &mut Predictor,
+    console: &Console,
+) -> Result<Vec<Case>, Failure> {
+    let mut found = Vec::new();
+    for path in paths {
+        let left = limit.map_or(usize::MAX, |n| n - found.len());
+        found.extend(read(path, left, console)?);
+    }
+    cases(found, Some(predictor), console)
+}
+
+/// Missions with what the networks say about them, all at once.
+fn cases(
+    missions: Vec<Mission>,
+    predictor: Option<&mut Predictor>,
+    console: &Console,
+) -> Result<Vec<Case>, Failure> {
+    let mut predictions = match predictor {
+        None => Vec::new(),
+        Some(predictor) => {
+            let asked: Vec<_> = missions
+                .iter()
+                .map(|m| (&*m.map, m.start, &m.task))
+                .collect();
+            mission::predict_many(predictor, &asked)
+        }
+    }
+    .into_iter();
+    missions
+        .into_iter()
+        .map(|mission| case(mission, predictions.next(), console))
+        .collect()
+}
+
 fn case(
     mission: Mission,
-    predictor: Option<&mut Predictor>,
+    prediction: Option<Result<mission::Prediction, MissionError>>,
     console: &Console,
 ) -> Result<Case, Failure> {
     let Mission {
@@ -238,17 +273,16 @@ fn case(
     } = mission;
     let mut guidance = None;
     let mut inference_seconds = 0.0;
-    if let Some(predictor) = predictor {
-        match mission::predict_with(predictor, &map, start, &task) {
-            Ok(prediction) => {
-                if let Some(notice) = prediction.notice {
-                    console.warn(&notice);
-                }
-                inference_seconds = prediction.encode + prediction.infer;
-                guidance = Some(prediction.guidance);
+    match prediction {
+        Some(Ok(prediction)) => {
+            if let Some(notice) = prediction.notice {
+                console.warn(&notice);
             }
-            Err(e) => console.warn(&format!("{name}: without guidance: {e}")),
+            inference_seconds = prediction.encode + prediction.infer;
+            guidance = Some(prediction.guidance);
         }
+        Some(Err(e)) => console.warn(&format!("{name}: without guidance: {e}")),
+        None => {}
     }
     let system = Continuous::new(map, start).map_err(MissionError::from)?;
     Ok(Case {

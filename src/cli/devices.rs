@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::console::{Console, seconds};
 use super::failure::{Failure, JSON_VERSION};
-use crate::nn::device::{AdapterSummary, adapters};
+use crate::nn::device::{AdapterSummary, DeviceKind, adapters};
 use crate::nn::{DeviceChoice, Estimate, LoadOptions, Predictor};
 
 /// What `auto` would take for one mission with the built-in networks, and why.
@@ -81,11 +81,19 @@ fn describe(adapters: &[AdapterSummary], choice: &Choice) -> String {
         text.push_str("no Vulkan, Metal or DirectX adapter: the networks run on the cpu\n");
     }
     let why = match choice.estimate {
-        Some(e) => format!(
-            " (one mission: cpu about {}, a hardware GPU about {} with its start)",
-            seconds(e.cpu),
-            seconds(e.gpu)
-        ),
+        Some(e) => {
+            let present = adapters.iter().any(|a| a.kind != DeviceKind::Software);
+            let many = match e.missions_for_gpu() {
+                Some(n) => format!("it would be sooner from {n} missions in one go on"),
+                None => "it would never be sooner".to_owned(),
+            };
+            format!(
+                "\n  one mission with the built-in networks takes about {} on the cpu, and {} on a hardware GPU, its start included; {many}{}",
+                seconds(e.cpu),
+                seconds(e.gpu),
+                if present { "" } else { "; there is none here" }
+            )
+        }
         None => String::new(),
     };
     let _ = writeln!(text, "auto takes: {}{why}", choice.device);

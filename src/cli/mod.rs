@@ -6,6 +6,7 @@
 
 mod args;
 mod bench;
+mod bench_inference;
 mod bench_transfer;
 mod console;
 mod devices;
@@ -80,6 +81,7 @@ fn run(command: &Command, console: &Console) -> Result<(), Failure> {
         Command::Replan(args) => replan::run(args, console),
         Command::Bench(args) => match &args.table {
             Some(BenchCommand::Transfer(args)) => bench_transfer::run(args, console),
+            Some(BenchCommand::Inference(args)) => bench_inference::run(args, console),
             None => bench::run(args, console),
         },
         Command::Dataset(DatasetCommand::Generate(args)) => generate::run(args, console),

@@ -25,7 +25,7 @@ pub struct MapInput<'a> {
 ///
 /// Channel 0 is the status: −1 in the start's cell, 1 obstacle, 0 free. Channel `1 + i` marks the
 /// `i`-th region with 1. A cell is marked when its open square meets the polygon's interior.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct MapTensor {
     /// Cells per side.
     pub resolution: usize,
@@ -43,11 +43,21 @@ impl MapTensor {
     /// in the nearest cell.
     #[must_use]
     pub fn new(map: &MapInput<'_>, resolution: usize) -> Self {
+        let mut tensor = Self::default();
+        tensor.fill(map, resolution);
+        tensor
+    }
+
+    /// As [`Self::new`], into the memory of another raster.
+    pub fn fill(&mut self, map: &MapInput<'_>, resolution: usize) {
         let cells = resolution * resolution;
         let frame = Frame::new(map.bounds, resolution);
-        let mut values = vec![0.0; (1 + map.regions.len()) * cells];
+        self.resolution = resolution;
+        self.regions = map.regions.len();
+        self.values.clear();
+        self.values.resize((1 + map.regions.len()) * cells, 0.0);
         let mut filler = Filler::new(resolution);
-        let (status, regions) = values.split_at_mut(cells);
+        let (status, regions) = self.values.split_at_mut(cells);
         for outline in &map.obstacles {
             filler.fill(frame, outline.iter().copied(), status);
         }
@@ -66,11 +76,6 @@ impl MapTensor {
             .zip(regions.chunks_exact_mut(cells.max(1)))
         {
             filler.fill(frame, outline.iter().copied(), channel);
-        }
-        Self {
-            resolution,
-            regions: map.regions.len(),
-            values,
         }
     }
 

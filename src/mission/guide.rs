@@ -1,12 +1,13 @@
 //! From networks to a sampler.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use nalgebra::Point2;
 
 use super::{Chosen, MissionError, Options, SamplerChoice};
 use crate::automaton::Task;
-use crate::encoding::{AutomatonGraph, MapInput};
+use crate::encoding::{AutomatonGraph, Encoding, MapInput};
 use crate::guidance::Guidance;
 use crate::nn::{LoadError, PredictError, Predictor};
 use crate::planner::{Guide, Sampler, Settings};
@@ -57,30 +58,92 @@ pub fn predict_with(
     start: Point2<f64>,
     task: &Task,
 ) -> Result<Prediction, MissionError> {
-    let (graph, names) = AutomatonGraph::of_task(task)
-        .map_err(|_| PredictError::Inconsistent("a region of the task is not on the map"))?;
-    let region = |name: &String| map.regions().iter().find(|r| r.name == *name);
+    let mut found = predict_many(predictor, &[(map, start, task)]);
+    found.pop().unwrap_or_else(|| {
+        let reason = PredictError::Inconsistent("there is no mission");
+        Err(reason.into())
+    })
+}
+
+/// As [`predict_with`], for many missions at once: maps, starts and tasks. What the user should
+/// know of the device is told with the first.
+pub fn predict_many(
+    predictor: &mut Predictor,
+    missions: &[(&Workspace, Point2<f64>, &Task)],
+) -> Vec<Result<Prediction, MissionError>> {
+    let [path, state] = predictor.encodings();
+    let encoded: Vec<_> = missions
+        .iter()
+        .map(|&(map, start, task)| {
+            let begin = Instant::now();
+            let first = encode(map, start, task, path)?;
+            let second = (path != state)
+                .then(|| encode(map, start, task, state))
+                .transpose()?;
+            Ok((first, second, begin.elapsed()))
+        })
+        .collect();
+    let pairs: Vec<_> = encoded
+        .iter()
+        .flatten()
+        .map(|(first, second, _)| {
+            let second = second.as_ref().unwrap_or(first);
+            [(&first.0, &first.1), (&second.0, &second.1)]
+        })
+        .collect();
+    let mut predicted = predictor.predict_many(&pairs).into_iter();
+    let mut notice = predictor
+        .take_notice()
+        .map(|why| format!("{why}; the CPU ran the networks instead"));
+    encoded
+        .iter()
+        .map(|mission| {
+            let (_, _, graph_time) = mission.as_ref().map_err(PredictError::clone)?;
+            let missing = PredictError::Inconsistent("the mission was not predicted");
+            let (guidance, timings) = predicted.next().unwrap_or(Err(missing))?;
+            Ok(Prediction {
+                guidance,
+                device: predictor.device().to_owned(),
+                model_hash: predictor.hash().to_owned(),
+                encode: (*graph_time + timings.encode).as_secs_f64(),
+                infer: (timings.start + timings.infer).as_secs_f64(),
+                notice: notice.take(),
+            })
+        })
+        .collect()
+}
+
+/// Map and automaton as networks of this encoding see them.
+fn encode<'a>(
+    map: &'a Workspace,
+    start: Point2<f64>,
+    task: &Task,
+    encoding: Encoding,
+) -> Result<(MapInput<'a>, AutomatonGraph), PredictError> {
+    let (graph, names) = match encoding {
+        Encoding::Own => {
+            let (graph, names) = AutomatonGraph::of_task(task).map_err(|_| {
+                PredictError::Inconsistent("a region of the task is not on the map")
+            })?;
+            (graph, names.into_iter().map(Some).collect())
+        }
+        Encoding::Published => AutomatonGraph::published(task),
+    };
+    let outline = |name: &Option<String>| {
+        let region = map
+            .regions()
+            .iter()
+            .find(|r| Some(&r.name) == name.as_ref());
+        // An outline without corners marks no cell.
+        region.map_or(&[][..], |r| r.polygon.vertices())
+    };
     let input = MapInput {
         bounds: [map.bounds().min, map.bounds().max],
         obstacles: map.obstacles().iter().map(Polygon::vertices).collect(),
-        regions: names
-            .iter()
-            .filter_map(region)
-            .map(|r| r.polygon.vertices())
-            .collect(),
+        regions: names.iter().map(outline).collect(),
         start,
     };
-    let (guidance, timings) = predictor.predict(&input, &graph)?;
-    Ok(Prediction {
-        guidance,
-        device: predictor.device().to_owned(),
-        model_hash: predictor.hash().to_owned(),
-        encode: timings.encode.as_secs_f64(),
-        infer: (timings.start + timings.infer).as_secs_f64(),
-        notice: predictor
-            .take_notice()
-            .map(|why| format!("{why}; the CPU ran the networks instead")),
-    })
+    Ok((input, graph))
 }
 
 /// The sampler that the options ask for. `auto` leaves the networks out of short searches and never fails: what keeps the networks from

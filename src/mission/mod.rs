@@ -42,7 +42,7 @@ use crate::system::{Continuous, Grid, GridError, Spot, StartError, TransitionSys
 use crate::verify::{self, Refusal, Verified};
 
 pub use explain::{LetterFact, NotOnThisMap, OutOfReach, Unreachable, Walls};
-pub use guide::{Prediction, predict, predict_with};
+pub use guide::{Prediction, predict, predict_many, predict_with};
 pub use transfer::{Change, build_library, replan_task, transfer_task};
 
 /// Which strategy plans a mission.

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::weights::{FORMAT_VERSION, Fault};
 use crate::alphabet::MAX_PROPOSITIONS;
-use crate::encoding::ENCODING_VERSION;
+use crate::encoding::Encoding;
 
 /// Constant features of the pool node.
 pub const POOL_WIDTH: usize = 128;
@@ -195,9 +195,13 @@ impl Config {
     pub fn parse(value: &serde_json::Value) -> Result<Self, Vec<Fault>> {
         let text = |key: &str| value.get(key).and_then(|v| v.as_str()).unwrap_or_default();
         let mut faults = Vec::new();
-        for (what, expected) in [("format", FORMAT_VERSION), ("encoding", ENCODING_VERSION)] {
+        let known = [
+            ("format", FORMAT_VERSION, FORMAT_VERSION),
+            ("encoding", 1, Encoding::NEWEST),
+        ];
+        for (what, oldest, expected) in known {
             match value.get(what).and_then(serde_json::Value::as_u64) {
-                Some(found) if found == u64::from(expected) => {}
+                Some(found) if (u64::from(oldest)..=u64::from(expected)).contains(&found) => {}
                 Some(found) => faults.push(Fault::Version {
                     what,
                     found,
@@ -414,12 +418,13 @@ mod tests {
 
     #[test]
     fn every_fault_of_a_config_is_told() {
-        let config = json!({"format": 2, "encoding": 1, "kind": "pathnet", "variant": "paper", "labels": 0,
+        let config = json!({"format": 2, "encoding": 3, "kind": "pathnet", "variant": "paper", "labels": 0,
             "resolution": 7, "n1": 8, "graph": [64, 0], "fusion": "dense", "skip": "third"});
         let faults = Config::parse(&config).unwrap_err();
         let text: Vec<String> = faults.iter().map(ToString::to_string).collect();
         for part in [
             "format version 2",
+            "encoding version 3",
             "`labels` is 0",
             "`resolution` is 7",
             "`graph` is 2 numbers",

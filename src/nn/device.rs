@@ -131,8 +131,13 @@ pub fn adapters() -> Vec<AdapterSummary> {
     found
 }
 
-/// Multiply-adds a second of the CPU path on one core, as low as slow laptops have it.
-const CPU_RATE: f64 = 2e10;
+/// Multiply-adds a second of the CPU path on one core: what networks of all sizes were seen to
+/// reach at least on a server core with AVX-512 (`nngtl bench inference`), halved for those with
+/// AVX2 alone.
+const CPU_RATE: f64 = 1.8e10;
+
+/// Seconds of one mission on the CPU beside the arithmetic: encoding, small layers.
+const CPU_OVERHEAD: f64 = 0.000_5;
 
 /// Multiply-adds a second of a hardware GPU with these kernels, as low as integrated ones have it.
 const GPU_RATE: f64 = 2e11;
@@ -160,9 +165,17 @@ impl Estimate {
     pub fn new(multiply_adds: u64, missions: usize, threads: usize) -> Self {
         let (work, missions) = (multiply_adds as f64, missions as f64);
         Self {
-            cpu: missions * work / (CPU_RATE * threads.max(1) as f64),
+            cpu: missions * (CPU_OVERHEAD + work / (CPU_RATE * threads.max(1) as f64)),
             gpu: GPU_START + missions * (GPU_OVERHEAD + work / GPU_RATE),
         }
+    }
+
+    /// From how many missions in one go on a hardware GPU is done sooner, its start included; this
+    /// estimate is for one mission. `None` if never.
+    #[must_use]
+    pub fn missions_for_gpu(self) -> Option<u64> {
+        let saved = self.cpu - (self.gpu - GPU_START);
+        (saved > 0.0).then(|| (GPU_START / saved).floor() as u64 + 1)
     }
 
     /// Whether looking for a GPU is worth it.
@@ -223,22 +236,27 @@ impl Backend {
         }
     }
 
-    /// Runs both networks, if that is not left to the caller.
+    /// Runs both networks on each mission, if that is not left to the caller.
     #[cfg_attr(not(feature = "gpu"), allow(unused_variables))] // only adapters run by themselves
     pub(super) fn run(
         &self,
         programs: [&Program; 2],
-        inputs: &[Inputs<'_>; 2],
-    ) -> Option<Result<[Vec<f32>; 2], Fallback>> {
+        missions: &[[Inputs<'_>; 2]],
+    ) -> Option<Result<Vec<[Vec<f32>; 2]>, Fallback>> {
         match self {
             Self::Cpu => None,
             #[cfg(feature = "gpu")]
-            Self::Gpu(gpu) => Some(gpu.run(&programs, inputs).and_then(|outputs| {
-                outputs.try_into().map_err(|_| Fallback::Lost {
-                    device: gpu.name().to_owned(),
-                    reason: "it did not answer for both networks".to_owned(),
-                })
-            })),
+            Self::Gpu(gpu) => {
+                let missions: Vec<&[Inputs<'_>]> = missions.iter().map(|m| &m[..]).collect();
+                let outputs = gpu.run_many(&programs, &missions).and_then(|outputs| {
+                    let both = outputs.into_iter().map(TryInto::try_into);
+                    both.collect::<Result<_, _>>().map_err(|_| Fallback::Lost {
+                        device: gpu.name().to_owned(),
+                        reason: "it did not answer for both networks".to_owned(),
+                    })
+                });
+                Some(outputs)
+            }
         }
     }
 }
@@ -251,7 +269,9 @@ mod tests {
     fn compact_networks_stay_on_the_cpu_and_large_sets_do_not() {
         let compact = 100_000_000;
         assert!(!Estimate::new(compact, 1, 1).prefers_gpu());
-        assert!(Estimate::new(compact, 1000, 1).prefers_gpu());
+        let from = Estimate::new(compact, 1, 1).missions_for_gpu().unwrap() as usize;
+        assert!(Estimate::new(compact, from, 1).prefers_gpu());
+        assert!(!Estimate::new(compact, from - 1, 1).prefers_gpu());
         assert!(Estimate::new(8_000_000_000, 1, 1).prefers_gpu());
     }
 

@@ -17,6 +17,6 @@ pub mod weights;
 
 pub use device::{DeviceChoice, Estimate, Fallback};
 pub use predictor::{
-    HEATMAP_SIDE, LoadError, LoadOptions, MODEL_FILES, ModelInfo, PredictError, Predictor, Timings,
-    embedded,
+    EncodedMission, HEATMAP_SIDE, LoadError, LoadOptions, MODEL_FILES, ModelInfo, PredictError,
+    Predictor, Timings, embedded,
 };

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::config::Kind;
@@ -11,9 +12,9 @@ use super::cpu::{Planes, PlanesMut, Scratch, Session, upsample};
 use super::device::{Backend, DeviceChoice, Estimate, Fallback};
 use super::inputs::Inputs;
 use super::models::Model;
-use super::program::GraphSize;
+use super::program::{GraphSize, Program};
 use super::weights::{WeightError, WeightFile, hex};
-use crate::encoding::{AutomatonGraph, MapInput, MapTensor};
+use crate::encoding::{AutomatonGraph, Encoding, MapInput, MapTensor};
 use crate::guidance::{Guidance, Heatmap};
 
 /// Cells per side of the heatmap (`nngtl.md`, IV-A).
@@ -127,6 +128,12 @@ pub struct Timings {
     pub infer: Duration,
 }
 
+/// A mission as one network sees it: the map's outlines by channel, and the automaton.
+pub type EncodedMission<'a> = (&'a MapInput<'a>, &'a AutomatonGraph);
+
+/// Missions that are encoded, and sent to an adapter, at a time.
+const BATCH: usize = 32;
+
 /// The automaton size that device estimates assume; the map's part of the work is far larger.
 const TYPICAL: GraphSize = GraphSize {
     states: 12,
@@ -142,6 +149,8 @@ pub struct Predictor {
     hash: String,
     backend: Backend,
     sessions: [Session; 2],
+    /// Two for each mission of a batch, kept for the next.
+    rasters: Vec<MapTensor>,
     threads: usize,
     /// How long the device took to open; told with the first prediction.
     start: Duration,
@@ -176,8 +185,11 @@ impl Predictor {
     /// If there are none.
     pub fn embedded(options: impl Into<LoadOptions>) -> Result<Self, LoadError> {
         let [path, state] = embedded().ok_or(LoadError::NotEmbedded)?;
-        Self::from_bytes(
-            [("built-in PathNet", path), ("built-in StateNet", state)],
+        Self::from_files(
+            [
+                WeightFile::parse_trusted("built-in PathNet", path),
+                WeightFile::parse_trusted("built-in StateNet", state),
+            ],
             options,
         )
     }
@@ -191,7 +203,16 @@ impl Predictor {
         files: [(&str, &[u8]); 2],
         options: impl Into<LoadOptions>,
     ) -> Result<Self, LoadError> {
-        let [path, state] = files.map(|(name, bytes)| WeightFile::parse(name, bytes));
+        Self::from_files(
+            files.map(|(name, bytes)| WeightFile::parse(name, bytes)),
+            options,
+        )
+    }
+
+    fn from_files(
+        [path, state]: [Result<WeightFile, WeightError>; 2],
+        options: impl Into<LoadOptions>,
+    ) -> Result<Self, LoadError> {
         // Tell all that is wrong with either file at once.
         let files = match (path, state) {
             (Ok(path), Ok(state)) => [path, state],
@@ -217,6 +238,7 @@ impl Predictor {
             hash,
             backend,
             sessions: [Session::new(options.threads), Session::new(options.threads)],
+            rasters: Vec::new(),
             threads: options.threads,
             start: begin.elapsed(),
             notice,
@@ -237,6 +259,12 @@ impl Predictor {
             .map(|m| m.config.labels())
             .min()
             .unwrap_or(0)
+    }
+
+    /// How the inputs of PathNet and of StateNet are encoded.
+    #[must_use]
+    pub fn encodings(&self) -> [Encoding; 2] {
+        self.models.each_ref().map(|m| m.encoding)
     }
 
     /// A digest of both networks, weights and configuration, in hexadecimal.
@@ -283,82 +311,141 @@ impl Predictor {
         map: &MapInput<'_>,
         graph: &AutomatonGraph,
     ) -> Result<(Guidance, Timings), PredictError> {
-        self.check(map, graph)?;
-        let begin = Instant::now();
-        let resolutions = self.models.each_ref().map(|m| m.config.resolution());
-        let path_map = MapTensor::new(map, resolutions[0]);
-        let other = (resolutions[0] != resolutions[1]).then(|| MapTensor::new(map, resolutions[1]));
-        let state_map = other.as_ref().unwrap_or(&path_map);
-        let inputs = [
-            Inputs {
-                map: &path_map,
-                graph,
-                given: &[],
-            },
-            Inputs {
-                map: state_map,
-                graph,
-                given: &[],
-            },
-        ];
-        let encode = begin.elapsed();
-        let begin = Instant::now();
-        let outputs = self.run(&inputs);
-        let infer = begin.elapsed();
-        let guidance = self.guidance(outputs)?;
-        let start = std::mem::take(&mut self.start);
-        Ok((
-            guidance,
-            Timings {
-                encode,
-                start,
-                infer,
-            },
-        ))
+        self.predict_each([(map, graph), (map, graph)])
     }
 
-    /// Runs both networks, on the CPU if the device fails.
-    fn run(&mut self, inputs: &[Inputs<'_>; 2]) -> [Vec<f32>; 2] {
+    /// As [`Self::predict`], for networks whose inputs are encoded differently
+    /// ([`Self::encodings`]): one encoded mission for each, PathNet's first.
+    ///
+    /// # Errors
+    /// As [`Self::predict`].
+    pub fn predict_each(
+        &mut self,
+        missions: [EncodedMission<'_>; 2],
+    ) -> Result<(Guidance, Timings), PredictError> {
+        let mut found = self.predict_many(&[missions]);
+        found
+            .pop()
+            .unwrap_or(Err(PredictError::Inconsistent("there is no mission")))
+    }
+
+    /// As [`Self::predict_each`], for many missions: on adapters one read-back for all of them, on
+    /// the CPU as many side by side as the predictor has threads. The time to open the device is
+    /// told with the first.
+    pub fn predict_many(
+        &mut self,
+        missions: &[[EncodedMission<'_>; 2]],
+    ) -> Vec<Result<(Guidance, Timings), PredictError>> {
+        let mut found = Vec::with_capacity(missions.len());
+        for batch in missions.chunks(BATCH) {
+            found.extend(self.predict_batch(batch));
+        }
+        if let Some(Ok((_, timings))) = found.iter_mut().find(|f| f.is_ok()) {
+            timings.start = std::mem::take(&mut self.start);
+        }
+        found
+    }
+
+    fn predict_batch(
+        &mut self,
+        missions: &[[EncodedMission<'_>; 2]],
+    ) -> Vec<Result<(Guidance, Timings), PredictError>> {
+        let mut rasters = std::mem::take(&mut self.rasters);
+        rasters.resize_with(2 * missions.len().max(1), MapTensor::default);
+        let mut found: Vec<Result<(Guidance, Timings), PredictError>> = Vec::new();
+        let mut inputs = Vec::new();
+        for (mission, rasters) in missions.iter().zip(rasters.as_chunks_mut::<2>().0) {
+            let begin = Instant::now();
+            let encoded = self.encode(mission, rasters);
+            let encode = begin.elapsed();
+            // What stands here is replaced by what the networks say.
+            found.push(encoded.map(|given| {
+                inputs.push(given);
+                let timings = Timings {
+                    encode,
+                    ..Timings::default()
+                };
+                (Guidance::flat(0), timings)
+            }));
+        }
+        let mut outputs = self.run(&inputs).into_iter();
+        drop(inputs);
+        self.rasters = rasters;
+        for found in &mut found {
+            let Ok((guidance, timings)) = found else {
+                continue;
+            };
+            let Some((output, infer)) = outputs.next() else {
+                continue;
+            };
+            let begin = Instant::now();
+            match self.guidance(output) {
+                Ok(made) => {
+                    *guidance = made;
+                    timings.infer = infer + begin.elapsed();
+                }
+                Err(e) => *found = Err(e),
+            }
+        }
+        found
+    }
+
+    /// Checks a mission and draws its map; networks that see the same share what they see.
+    fn encode<'a>(
+        &self,
+        mission: &[EncodedMission<'a>; 2],
+        rasters: &'a mut [MapTensor; 2],
+    ) -> Result<[Inputs<'a>; 2], PredictError> {
+        for (model, (map, graph)) in self.models.iter().zip(mission) {
+            check(model.config.labels(), map, graph)?;
+        }
+        let [(path_map, path_graph), (state_map, state_graph)] = *mission;
+        let [path_side, state_side] = self.models.each_ref().map(|m| m.config.resolution());
+        rasters[0].fill(path_map, path_side);
+        let shared = path_side == state_side && std::ptr::eq(path_map, state_map);
+        if !shared {
+            rasters[1].fill(state_map, state_side);
+        }
+        let inputs = [(0, path_graph), (usize::from(!shared), state_graph)];
+        Ok(inputs.map(|(raster, graph)| Inputs {
+            map: &rasters[raster],
+            graph,
+            given: &[],
+        }))
+    }
+
+    /// Runs both networks on each mission, on the CPU if the device fails; tells what each took.
+    fn run(&mut self, missions: &[[Inputs<'_>; 2]]) -> Vec<([Vec<f32>; 2], Duration)> {
+        if missions.is_empty() {
+            return Vec::new();
+        }
         let programs = self.models.each_ref().map(|m| &m.program);
-        match self.backend.run(programs, inputs) {
-            Some(Ok(outputs)) => return outputs,
+        let begin = Instant::now();
+        match self.backend.run(programs, missions) {
+            Some(Ok(outputs)) => {
+                let each = begin.elapsed() / missions.len() as u32;
+                return outputs.into_iter().map(|output| (output, each)).collect();
+            }
             Some(Err(reason)) => self.fall_back(reason),
             None => {}
         }
-        let [path, state] = &mut self.sessions;
-        let [path_program, state_program] = self.models.each_ref().map(|m| &m.program);
-        let mut run_path = || path.run(path_program, &inputs[0]).to_vec();
-        let mut run_state = || state.run(state_program, &inputs[1]).to_vec();
-        if self.threads > 1 {
-            let (path, state) = rayon::join(run_path, run_state);
-            [path, state]
-        } else {
-            [run_path(), run_state()]
+        let programs = self.models.each_ref().map(|m| &m.program);
+        if missions.len() > 1 && self.threads > 1 {
+            let sessions = || [Session::new(1), Session::new(1)];
+            let run = |sessions: &mut [Session; 2], inputs| run_both(sessions, programs, inputs, 1);
+            return missions.par_iter().map_init(sessions, run).collect();
         }
+        let (sessions, threads) = (&mut self.sessions, self.threads);
+        missions
+            .iter()
+            .map(|inputs| run_both(sessions, programs, inputs, threads))
+            .collect()
     }
 
     fn fall_back(&mut self, reason: Fallback) {
         log::warn!("{reason}; the CPU runs the networks instead");
         self.backend = Backend::Cpu;
         self.notice = Some(reason);
-    }
-
-    fn check(&self, map: &MapInput<'_>, graph: &AutomatonGraph) -> Result<(), PredictError> {
-        let (used, labels) = (graph.regions, self.labels());
-        if used > labels {
-            return Err(PredictError::TooManyRegions { used, labels });
-        }
-        if map.regions.len() != used {
-            let reason = "the map has another number of regions than the automaton";
-            return Err(PredictError::Inconsistent(reason));
-        }
-        graph.check().map_err(PredictError::Inconsistent)?;
-        let [low, high] = map.bounds;
-        let side = (high.x - low.x).min(high.y - low.y);
-        if !(side > 0.0 && (high - low).iter().all(|v| v.is_finite())) {
-            return Err(PredictError::Bounds);
-        }
-        Ok(())
     }
 
     fn guidance(&self, [mut cells, states]: [Vec<f32>; 2]) -> Result<Guidance, PredictError> {
@@ -376,6 +463,45 @@ impl Predictor {
         };
         Ok(Guidance { heatmap, states }.quantised())
     }
+}
+
+/// Runs both networks on the CPU, side by side if there are threads for it.
+fn run_both(
+    sessions: &mut [Session; 2],
+    [path_program, state_program]: [&Program; 2],
+    inputs: &[Inputs<'_>; 2],
+    threads: usize,
+) -> ([Vec<f32>; 2], Duration) {
+    let begin = Instant::now();
+    let [path, state] = sessions;
+    let mut run_path = || path.run(path_program, &inputs[0]).to_vec();
+    let mut run_state = || state.run(state_program, &inputs[1]).to_vec();
+    let outputs = if threads > 1 {
+        let (path, state) = rayon::join(run_path, run_state);
+        [path, state]
+    } else {
+        [run_path(), run_state()]
+    };
+    (outputs, begin.elapsed())
+}
+
+/// Whether a network with `labels` region channels can be asked about a mission.
+fn check(labels: usize, map: &MapInput<'_>, graph: &AutomatonGraph) -> Result<(), PredictError> {
+    let used = graph.regions;
+    if used > labels {
+        return Err(PredictError::TooManyRegions { used, labels });
+    }
+    if map.regions.len() != used {
+        let reason = "the map has another number of regions than the automaton";
+        return Err(PredictError::Inconsistent(reason));
+    }
+    graph.check().map_err(PredictError::Inconsistent)?;
+    let [low, high] = map.bounds;
+    let side = (high.x - low.x).min(high.y - low.y);
+    if !(side > 0.0 && (high - low).iter().all(|v| v.is_finite())) {
+        return Err(PredictError::Bounds);
+    }
+    Ok(())
 }
 
 /// A square grid at another resolution, by bilinear interpolation.

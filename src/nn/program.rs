@@ -294,7 +294,8 @@ impl Window {
 #[allow(missing_docs)] // the fields' meaning is told once, in the variants' text
 pub enum Op {
     /// `y = activation(weight ∗ x + bias (+ residual))`.
-    /// `weight` has shape (out, kernel · kernel, in), `bias` (out).
+    /// `weight` is the matrix (out, in · kernel · kernel) in panels of eight rows: shape
+    /// (⌈out / 8⌉, in, kernel · kernel, 8), 0 beyond the last row. `bias` (out).
     Conv2d {
         x: Map,
         weight: ConstantId,
@@ -307,8 +308,8 @@ pub enum Op {
     /// `y = activation(transposed convolution of x + bias)`.
     ///
     /// `weight` holds one convolution matrix per residue (p, q) of the output's cell modulo the
-    /// stride, p major: shape (stride, stride, out, taps · taps, in) with taps as in
-    /// [`Window::taps`]; tap `t` of residue `p` is entry `(p + padding) mod stride + stride·t` of
+    /// stride, p major, in panels of eight rows: shape (stride, stride, ⌈out / 8⌉, in,
+    /// taps · taps, 8) with taps as in [`Window::taps`]; tap `t` of residue `p` is entry `(p + padding) mod stride + stride·t` of
     /// the kernel and meets the input cell `(p + padding) div stride + n − t` for output `p + stride·n`.
     ConvTranspose2d {
         x: Map,
@@ -322,8 +323,9 @@ pub enum Op {
     MaxPool2d { x: Map, window: Window, y: Map },
     /// The mean over all cells of each channel, as one row.
     GlobalMeanPool { x: Map, y: Matrix },
-    /// `y = activation([x, second] · weightᵀ + bias)`, the two inputs side by side; `weight` has
-    /// shape (out, in), `bias` (out).
+    /// `y = activation([x, second] · weightᵀ + bias)`, the two inputs side by side; `weight` is
+    /// turned, with rows padded by zeros to a multiple of sixteen: shape (in, ⌈out / 16⌉ · 16).
+    /// `bias` (out).
     Linear {
         x: Matrix,
         second: Option<Matrix>,
@@ -535,6 +537,8 @@ pub struct Program {
     pub resolution: usize,
     /// Region channels.
     pub labels: usize,
+    /// Whether adapters may store the weights of products as 16-bit floats: the file does.
+    pub half: bool,
 }
 
 impl Program {

@@ -27,6 +27,7 @@ use crate::guidance::Heatmap;
 use crate::plan::Path;
 use crate::workspace::Workspace;
 
+pub(crate) use raster::svg_png;
 pub use raster::{RenderError, heatmap_npy, heatmap_png};
 
 /// A picture of a map and of what was found on it; build it up, then write it out.

@@ -80,13 +80,33 @@ pub(super) fn picture_png(picture: &Picture<'_>, scale: f64) -> Result<Vec<u8>, 
     };
     let tree = Tree::from_str(&drawing.text, &options)?;
     resvg::render(&tree, transform, &mut pixels.as_mut());
-    // The picture is opaque: three channels make a smaller file than four.
-    let rgb: Vec<u8> = pixels
+    encode(width, height, &opaque(&pixels))
+}
+
+/// A drawing that stands for itself, as PNG.
+pub(crate) fn svg_png(text: &str, scale: f32) -> Result<Vec<u8>, RenderError> {
+    let options = Options {
+        fontdb: fonts(),
+        font_family: svg::FONT.to_owned(),
+        ..Options::default()
+    };
+    let tree = Tree::from_str(text, &options)?;
+    let [width, height] =
+        [tree.size().width(), tree.size().height()].map(|side| (side * scale).ceil() as u32);
+    let mut pixels = Pixmap::new(width, height).ok_or(RenderError::TooLarge { width, height })?;
+    pixels.fill(resvg::tiny_skia::Color::WHITE);
+    let transform = Transform::from_scale(scale, scale);
+    resvg::render(&tree, transform, &mut pixels.as_mut());
+    encode(width, height, &opaque(&pixels))
+}
+
+/// The pixels without transparency: three channels make a smaller file than four.
+fn opaque(pixels: &Pixmap) -> Vec<u8> {
+    pixels
         .pixels()
         .iter()
         .flat_map(|p| [p.red(), p.green(), p.blue()])
-        .collect();
-    encode(width, height, &rgb)
+        .collect()
 }
 
 fn lay_heatmap(

@@ -6,7 +6,7 @@ use nngtl::nn::inputs::Inputs;
 use nngtl::nn::program::{
     Activation, ConstantId, Edges, Extent, Map, Matrix, Op, Program, Sign, Source, Window,
 };
-use nngtl::nn::weights::{conv_weights, transposed_weights};
+use nngtl::nn::weights::{conv_weights, linear_weights, transposed_weights};
 use serde_json::Value;
 
 /// Per square root of the number of products in a sum: five times what f32 sums of such inputs
@@ -312,10 +312,8 @@ impl Builder<'_> {
         let activation = self.activation();
         let x = self.rows(1, rows, inputs);
         let second = (more > 0).then(|| self.rows(4, rows, more));
-        let (weight, bias) = (
-            self.constant(2, out * (inputs + more)),
-            self.constant(3, out),
-        );
+        let weight = linear_weights(&values(2, out * (inputs + more)), out);
+        let (weight, bias) = (self.program.constant(weight), self.constant(3, out));
         let y = self.program.matrix(Extent::Fixed(rows), out);
         self.program.push(Op::Linear {
             x,
@@ -367,7 +365,8 @@ impl Builder<'_> {
             edges,
             y: gathered,
         });
-        let (weight, bias) = (self.constant(2, out * inputs), self.constant(6, out));
+        let weight = linear_weights(&values(2, out * inputs), out);
+        let (weight, bias) = (self.program.constant(weight), self.constant(6, out));
         let y = self.program.matrix(to, out);
         self.program.push(Op::Linear {
             x: gathered,

@@ -24,6 +24,8 @@ NODE_TYPES = {"state": "node", "transition": "edge", "pool": "source"}
 LAYERS = 5
 RESNET50 = (3, 4, 6, 3)
 RESOLUTION = 200
+# The inputs that these weights were trained with are encoded in the published code's way.
+PUBLISHED_ENCODING = 2
 HIDDEN = 256
 # Stands in for a size that no tensor of the checkpoint tells: then those that would are missing and told as such.
 PUBLISHED = {"n1": 64, "labels": 7, "side": 6, "map_feature": 256, "first": 64}
@@ -411,7 +413,7 @@ def convert_files(checkpoints, folder):
     for kind, (checkpoint, conversion) in done.items():
         path = Path(folder) / f"{kind}.safetensors"
         source = {"file": checkpoint.name, "sha256": _digest(checkpoint)}
-        export.write(path, conversion.model, {"converted_from": source})
+        export.write(path, conversion.model, {"converted_from": source}, {"encoding": PUBLISHED_ENCODING})
         written[path] = conversion
     return written
 

@@ -13,6 +13,8 @@ from safetensors.torch import save
 from . import models
 
 FORMAT, ENCODING = 1, 1
+# Version 2 is how the published code encodes (docs/networks.md, *Published checkpoints*).
+ENCODINGS = (1, 2)
 TRAINING_ONLY = ("dropout",)
 
 
@@ -32,21 +34,21 @@ def _ordered(data):
     return len(text).to_bytes(8, "little") + text + data[end:]
 
 
-def tensors(model):
-    """What a file holds of a model: parameters and running statistics, as f32."""
+def tensors(model, half=False):
+    """What a file holds of a model: parameters and running statistics, as f32 or f16."""
     return {
-        name: value.detach().to("cpu", torch.float32).contiguous()
+        name: value.detach().to("cpu", torch.float16 if half else torch.float32).contiguous()
         for name, value in model.state_dict().items()
         if not name.endswith("num_batches_tracked")
     }
 
 
-def write(path, model, training=None, extra=None):
-    """Writes a weight file; ``extra`` joins the config (for instance ``{"power": 4}``)."""
+def write(path, model, training=None, extra=None, half=False):
+    """Writes a weight file, in f16 if ``half``; ``extra`` joins the config (for instance ``{"power": 4}``)."""
     config = {"format": FORMAT, "encoding": ENCODING, **model.config, **(extra or {})}
     for key in TRAINING_ONLY:
         config.pop(key, None)
-    held = tensors(model)
+    held = tensors(model, half)
     wrong = [name for name, value in held.items() if not bool(torch.isfinite(value).all())]
     if wrong:
         raise ValueError(f"{path}: not written, values are not finite in {', '.join(wrong)}")
@@ -75,9 +77,9 @@ def read(path):
     if metadata.get("sha256") != buffer_digest(path.read_bytes()):
         raise ValueError(f"{path}: the tensors do not have the digest that the file names: fetch it again")
     config = json.loads(metadata["config"])
-    for key, expected in (("format", FORMAT), ("encoding", ENCODING)):
-        if config.pop(key, None) != expected:
-            raise ValueError(f"{path}: {key} is not {expected}")
+    for key, known in (("format", (FORMAT,)), ("encoding", ENCODINGS)):
+        if config.pop(key, None) not in known:
+            raise ValueError(f"{path}: {key} is not {' or '.join(map(str, known))}")
     model = models.build(config)
     missing, unused = model.load_state_dict(held, strict=False)
     missing = [name for name in missing if not name.endswith("num_batches_tracked")]
@@ -91,12 +93,13 @@ def main(arguments=None):
     parser.add_argument("run", type=Path, help="folder that nngtl-train wrote")
     parser.add_argument("out", type=Path, help="weight file, for example models/compact/pathnet.safetensors")
     parser.add_argument("--power", type=float, help="exponent that inference applies to the heatmap")
+    parser.add_argument("--half", action="store_true", help="store the tensors as 16-bit floats: half the size")
     options = parser.parse_args(arguments)
     state = torch.load(options.run / "checkpoint.pt", map_location="cpu", weights_only=False)
     model = models.build(state["config"]["network"])
     model.load_state_dict(state["model"])
     extra = {} if options.power is None else {"power": options.power}
-    write(options.out, model, state["record"], extra)
+    write(options.out, model, state["record"], extra, options.half)
     print(f"{options.out}: {options.out.stat().st_size} bytes")
 
 

@@ -1,9 +1,11 @@
 //! Transposed convolution.
 
+use pulp::Arch;
+
 use super::conv2d::Kernel;
 use super::math::finish;
-use super::matmul::Operand;
-use super::shifted::{Padded, Tap, sum_of_taps};
+use super::padded::Padded;
+use super::product::{LANES, PANEL, Product};
 use super::views::{Planes, PlanesMut, Scratch, at_least};
 
 /// `y = activation(transposed convolution of x + bias)`.
@@ -12,14 +14,8 @@ use super::views::{Planes, PlanesMut, Scratch, at_least};
 /// every stride-th tap of the kernel: no product is wasted on inserted zeros and nothing is
 /// scattered. The layout of the weights is told at [`crate::nn::program::Op::ConvTranspose2d`].
 pub fn conv_transpose2d(x: Planes<'_>, k: &Kernel<'_>, y: PlanesMut<'_>, scratch: &mut Scratch) {
-    let PlanesMut {
-        data,
-        channels,
-        height,
-        width,
-    } = y;
+    let (height, width) = (y.height, y.width);
     let (stride, taps) = (k.window.stride, k.window.taps());
-    let depth = x.channels * taps * taps;
     // Residue `p` begins at input cell `ahead(p)`, and has every stride-th output cell.
     let ahead = |residue: usize| (residue + k.window.padding) / stride;
     let count = |residue: usize, size: usize| (size - residue).div_ceil(stride);
@@ -38,65 +34,72 @@ pub fn conv_transpose2d(x: Planes<'_>, k: &Kernel<'_>, y: PlanesMut<'_>, scratch
     let Scratch {
         panel,
         tile,
+        offsets,
         threads,
     } = scratch;
     let planes = at_least(panel, padded.len());
     padded.fill(x, planes);
-    let strip = padded.strip(stride * channels);
-    for residue in 0..stride.min(height) {
-        let lines = count(residue, height);
-        for first in (0..lines).step_by(strip) {
-            let rows = strip.min(lines - first);
-            let part = channels * rows * padded.width;
-            let tile = at_least(tile, stride * part);
-            for column in 0..stride.min(width) {
-                let weight = &k.weight[(residue * stride + column) * channels * depth..];
-                let taps = (0..taps * taps).map(|tap| Tap {
-                    phase: [0, 0],
-                    // Later taps meet earlier cells.
-                    shift: [
-                        ahead(residue) + taps - 1 - tap / taps,
-                        ahead(column) + taps - 1 - tap % taps,
-                    ],
-                    weight: Operand {
-                        data: &weight[tap * x.channels..],
-                        row_stride: depth,
-                        column_stride: 1,
-                    },
-                });
-                let tile = &mut tile[column * part..][..part];
-                sum_of_taps(
-                    &padded,
-                    planes,
-                    taps,
-                    [first, rows, channels],
-                    tile,
-                    *threads,
-                );
+    // Residues differ in where they begin alone. Later taps meet earlier cells.
+    let tap = |tap: usize| padded.tap([0, 0], [taps - 1 - tap / taps, taps - 1 - tap % taps]);
+    padded.offsets((0..taps * taps).map(tap), offsets);
+    let depth = offsets.len();
+    let of_residue = y.channels.next_multiple_of(PANEL) * depth;
+    let strip = padded.strip(stride * y.channels);
+    super::share(
+        *threads,
+        y,
+        stride * depth,
+        tile,
+        |first_channel, y, tile| {
+            let channels = y.channels;
+            for residue in 0..stride.min(height) {
+                let lines = count(residue, height);
+                for first in (0..lines).step_by(strip) {
+                    let rows = strip.min(lines - first);
+                    let length = (rows * padded.width).next_multiple_of(LANES);
+                    let part = channels.next_multiple_of(PANEL) * length;
+                    let tile = at_least(tile, stride * part);
+                    for column in 0..stride.min(width) {
+                        let left = (residue * stride + column) * of_residue + first_channel * depth;
+                        let begin = (first + ahead(residue)) * padded.width + ahead(column);
+                        let product = Product {
+                            left: &k.weight[left..],
+                            offsets,
+                            right: &planes[begin..],
+                            rows: channels,
+                            columns: padded.columns(rows, count(column, width)),
+                        };
+                        product.run(&mut tile[column * part..], length);
+                    }
+                    let finish_rows = || {
+                        for line in 0..channels * rows {
+                            let (c, r) = (line / rows, line % rows);
+                            let row = residue + stride * (first + r);
+                            let to = &mut y.data[(c * height + row) * width..][..width];
+                            let at = c * length + r * padded.width;
+                            let source =
+                                |column: usize| &tile[column * part + at..][..count(column, width)];
+                            interleave(to, stride, source);
+                            finish(to, k.bias[first_channel + c], k.activation);
+                        }
+                    };
+                    Arch::new().dispatch(finish_rows);
+                }
             }
-            for line in 0..channels * rows {
-                let (channel, row) = (line / rows, residue + stride * (first + line % rows));
-                let to = &mut data[(channel * height + row) * width..][..width];
-                let source = |column: usize| {
-                    &tile[column * part + line * padded.width..][..count(column, width)]
-                };
-                interleave(to, stride, source);
-                finish(to, k.bias[channel], k.activation);
-            }
-        }
-    }
+        },
+    );
 }
 
 /// `line[column + stride·n] = source(column)[n]`.
+#[inline(always)]
 fn interleave<'a>(line: &mut [f32], stride: usize, source: impl Fn(usize) -> &'a [f32]) {
     if stride == 2 && line.len() > 1 {
         let (even, odd) = (source(0), source(1));
-        let mut pairs = line.chunks_exact_mut(2);
-        for ((pair, &a), &b) in pairs.by_ref().zip(even).zip(odd) {
-            pair[0] = a;
-            pair[1] = b;
+        let (pairs, rest) = line.as_chunks_mut::<2>();
+        for ((pair, &a), &b) in pairs.iter_mut().zip(even).zip(odd) {
+            *pair = [a, b];
         }
-        if let [last] = pairs.into_remainder() {
+        if let [last] = rest {
             *last = even[even.len() - 1];
         }
         return;

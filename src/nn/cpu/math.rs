@@ -9,7 +9,7 @@ pub const LEAKY_SLOPE: f32 = 0.2;
 ///
 /// Range reduction to `|r| <= ln 2 / 2` and the Taylor polynomial of degree 7, whose remainder is
 /// below 1e-8 there. Arguments are clamped to the range in which the result is a normal number.
-#[inline]
+#[inline(always)]
 #[must_use]
 pub fn exp(x: f32) -> f32 {
     // Adding and taking away 1.5·2²³ rounds to the nearest integer.
@@ -32,21 +32,51 @@ pub fn exp(x: f32) -> f32 {
 }
 
 /// `1 / (1 + e⁻ˣ)`.
-#[inline]
+#[inline(always)]
 #[must_use]
 pub fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
 /// Leaky ReLU.
-#[inline]
+#[inline(always)]
 #[must_use]
 pub fn leaky_relu(x: f32) -> f32 {
     // For a slope below 1 the larger of the two, without a branch.
     x.max(LEAKY_SLOPE * x)
 }
 
+/// Writes `activation(value + other + bias)` for each value, `other` being there or not.
+#[inline(always)]
+pub(super) fn finish_into(
+    to: &mut [f32],
+    values: &[f32],
+    other: Option<&[f32]>,
+    bias: f32,
+    activation: Activation,
+) {
+    match activation {
+        Activation::None => each(to, values, other, |v| v + bias),
+        Activation::Relu => each(to, values, other, |v| (v + bias).max(0.0)),
+        Activation::LeakyRelu => each(to, values, other, |v| leaky_relu(v + bias)),
+        Activation::Sigmoid => each(to, values, other, |v| sigmoid(v + bias)),
+    }
+}
+
+#[inline(always)]
+fn each(to: &mut [f32], values: &[f32], other: Option<&[f32]>, f: impl Fn(f32) -> f32) {
+    match other {
+        None => to.iter_mut().zip(values).for_each(|(to, &v)| *to = f(v)),
+        Some(other) => to
+            .iter_mut()
+            .zip(values)
+            .zip(other)
+            .for_each(|((to, &v), &o)| *to = f(v + o)),
+    }
+}
+
 /// Adds `bias` to each value and applies the activation.
+#[inline(always)]
 pub fn finish(values: &mut [f32], bias: f32, activation: Activation) {
     match activation {
         Activation::None => values.iter_mut().for_each(|v| *v += bias),

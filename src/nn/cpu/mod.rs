@@ -1,7 +1,8 @@
 //! Runs programs on the processor.
 //!
 //! One function per operation, of the operation's name; each has a twin of that name in
-//! `shaders/`. Products go through the crate `gemm`.
+//! `shaders/`. Products are [`product`]'s; the crate `gemm`, in
+//! [`matmul`], tells what the processor can do at most.
 
 mod conv2d;
 mod conv_transpose2d;
@@ -10,10 +11,12 @@ mod linear;
 pub mod math;
 pub mod matmul;
 mod moves;
+mod padded;
 mod pool;
+pub mod product;
 mod regions;
 mod session;
-mod shifted;
+mod share;
 mod views;
 
 pub use conv_transpose2d::conv_transpose2d;
@@ -24,4 +27,5 @@ pub use moves::{broadcast, copy_rows, upsample};
 pub use pool::{global_mean_pool, max_pool2d, mean_rows};
 pub use regions::{paint, region_form, region_mean, sign_mean};
 pub use session::Session;
+use share::share;
 pub use views::{Mat, MatMut, Planes, PlanesMut, Scratch};

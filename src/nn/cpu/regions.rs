@@ -1,9 +1,12 @@
 //! Between regions, transitions and cells.
 
 use super::math::sum;
-use super::matmul::{Operand, matmul};
-use super::views::{Mat, MatMut, Planes, PlanesMut};
+use super::product::{LANES, PANEL, Product, fill_panels};
+use super::views::{Mat, MatMut, Planes, PlanesMut, Scratch, at_least};
 use crate::nn::program::Sign;
+
+/// Cells that are painted at a time.
+const STRIP: usize = 128 * LANES;
 
 impl Sign {
     /// Whether a literal has this sign.
@@ -18,21 +21,20 @@ impl Sign {
 
 /// Row `i` of `y` is the mean of `x` over the cells, weighted by channel `i` of `mask`; zero where
 /// the channel is empty.
-pub fn region_mean(x: Planes<'_>, mask: Planes<'_>, mut y: MatMut<'_>) {
-    let cells = x.height * x.width;
-    let features = Operand::new(x.data, cells).transposed();
-    matmul(
-        y.reborrow(),
-        Operand::new(mask.data, cells),
-        features,
-        cells,
-        false,
-        1,
-    );
+pub fn region_mean(x: Planes<'_>, mask: Planes<'_>, mut y: MatMut<'_>, scratch: &mut Scratch) {
     for i in 0..y.rows {
-        let weight = sum(mask.channel(i));
+        // Regions are small: few cells count.
+        let mask = mask.channel(i);
+        let cells = &mut scratch.offsets;
+        cells.clear();
+        cells.extend((0..).zip(mask).filter(|&(_, &m)| m != 0.0).map(|(k, _)| k));
+        let weight = sum(mask);
         let scale = if weight > 0.0 { 1.0 / weight } else { 0.0 };
-        y.row(i).iter_mut().for_each(|v| *v *= scale);
+        for (channel, to) in y.row(i).iter_mut().enumerate() {
+            let plane = x.channel(channel);
+            let products = cells.iter().map(|&k| mask[k as usize] * plane[k as usize]);
+            *to = products.sum::<f32>() * scale;
+        }
     }
 }
 
@@ -70,16 +72,37 @@ fn mean_of<'a>(rows: impl Iterator<Item = &'a [f32]>, mean: &mut [f32]) {
 }
 
 /// `Σ mask_i ⊗ colour_i`: (labels, R, R) × (labels, K) → (K, R, R).
-pub fn paint(mask: Planes<'_>, colour: Mat<'_>, y: PlanesMut<'_>) {
+///
+/// # Panics
+/// If there is no room behind the mask's values ([`LANES`]).
+pub fn paint(mask: Planes<'_>, colour: Mat<'_>, y: PlanesMut<'_>, scratch: &mut Scratch) {
+    assert!(mask.has_room(), "a product reads beyond its values");
     let cells = y.height * y.width;
-    let out = MatMut::new(y.data, y.channels, cells);
-    let colours = Operand::from_mat(colour).transposed();
-    matmul(
-        out,
-        colours,
-        Operand::new(mask.data, cells),
-        mask.channels,
-        false,
-        1,
-    );
+    let Scratch {
+        panel,
+        tile,
+        offsets,
+        ..
+    } = scratch;
+    let left = at_least(panel, y.channels.next_multiple_of(PANEL) * mask.channels);
+    fill_panels(left, y.channels, mask.channels, |k, label| {
+        colour.row(label)[k]
+    });
+    offsets.clear();
+    offsets.extend((0..mask.channels).map(|label| (label * cells) as u32));
+    let tile = at_least(tile, y.channels.next_multiple_of(PANEL) * STRIP);
+    for first in (0..cells).step_by(STRIP) {
+        let columns = STRIP.min(cells - first);
+        let product = Product {
+            left,
+            offsets,
+            right: &mask.data[first..],
+            rows: y.channels,
+            columns,
+        };
+        product.run(tile, STRIP);
+        for (values, plane) in tile.chunks_exact(STRIP).zip(y.data.chunks_exact_mut(cells)) {
+            plane[first..first + columns].copy_from_slice(&values[..columns]);
+        }
+    }
 }

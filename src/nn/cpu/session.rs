@@ -1,5 +1,6 @@
 //! The memory of a program and its execution.
 
+use super::product::LANES;
 use super::views::{Mat, MatMut, Planes, PlanesMut, Scratch};
 use super::{
     Kernel, broadcast, conv_transpose2d, conv2d, copy_rows, gat, global_mean_pool, linear,
@@ -65,7 +66,7 @@ impl Session {
         self.size = inputs.size();
         self.buffers.resize_with(program.buffers.len(), Vec::new);
         for (values, buffer) in self.buffers.iter_mut().zip(&program.buffers) {
-            values.resize(buffer.len(self.size), 0.0);
+            values.resize(buffer.len(self.size) + LANES, 0.0);
         }
         for input in &program.inputs {
             inputs.fill(input, &mut self.buffers[input.at.buffer.index()]);
@@ -143,14 +144,7 @@ impl Session {
                     [Some(x), second].map(|m| m.map(|m| self.read(m))),
                     mat_mut(out, y, size),
                 );
-                linear(
-                    x,
-                    constant(weight),
-                    constant(bias),
-                    activation,
-                    y,
-                    scratch.threads,
-                );
+                linear(x, constant(weight), constant(bias), activation, y, scratch);
             }
             Op::Gat {
                 source,
@@ -172,7 +166,8 @@ impl Session {
             }
             Op::MeanRows { x, y } => mean_rows(self.read(x), mat_mut(out, y, size)),
             Op::RegionMean { x, mask, y } => {
-                region_mean(self.planes(x), self.planes(mask), mat_mut(out, y, size));
+                let (x, mask) = (self.planes(x), self.planes(mask));
+                region_mean(x, mask, mat_mut(out, y, size), scratch);
             }
             Op::SignMean {
                 literals,
@@ -201,7 +196,12 @@ impl Session {
                 );
             }
             Op::Paint { mask, colour, y } => {
-                paint(self.planes(mask), self.read(colour), planes_mut(out, y));
+                paint(
+                    self.planes(mask),
+                    self.read(colour),
+                    planes_mut(out, y),
+                    scratch,
+                );
             }
             Op::Upsample { x, y } => upsample(self.planes(x), planes_mut(out, y), scratch),
             Op::Broadcast { x, add, y } => broadcast(self.read(x).row(0), add, planes_mut(out, y)),
@@ -225,7 +225,7 @@ impl Session {
     }
 
     fn planes(&self, m: Map) -> Planes<'_> {
-        let data = &self.buffers[m.buffer.index()][m.offset..][..m.len()];
+        let data = &self.buffers[m.buffer.index()][m.offset..];
         Planes {
             data,
             channels: m.channels,

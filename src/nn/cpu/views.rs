@@ -1,5 +1,7 @@
 //! Borrowed matrices and maps.
 
+use super::product::LANES;
+
 /// A row-major matrix; row `i` begins at `i * stride`.
 #[derive(Clone, Copy, Debug)]
 pub struct Mat<'a> {
@@ -76,7 +78,7 @@ impl<'a> MatMut<'a> {
 /// A map of shape (channels, height, width), contiguous.
 #[derive(Clone, Copy, Debug)]
 pub struct Planes<'a> {
-    /// The values.
+    /// The values, and perhaps more behind them.
     pub data: &'a [f32],
     /// The number of channels.
     pub channels: usize,
@@ -87,6 +89,11 @@ pub struct Planes<'a> {
 }
 
 impl<'a> Planes<'a> {
+    /// Whether there is room behind the values for products to read beyond them.
+    pub(super) fn has_room(&self) -> bool {
+        self.data.len() >= self.channels * self.height * self.width + LANES
+    }
+
     /// The values of one channel.
     #[must_use]
     pub fn channel(&self, c: usize) -> &'a [f32] {
@@ -111,10 +118,12 @@ pub struct PlanesMut<'a> {
 /// Memory that kernels use between their steps, kept from one run to the next.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
-    /// Unfolded input of convolutions.
+    /// Padded input of convolutions, packed rows of linear layers.
     pub panel: Vec<f32>,
     /// Results before they go to their places.
     pub tile: Vec<f32>,
+    /// Where the rows of products' right matrices begin.
+    pub offsets: Vec<u32>,
     /// How many threads a kernel may use; 0 counts as 1.
     pub threads: usize,
 }

@@ -17,6 +17,8 @@ pub(super) struct Opened {
     pub(super) kind: DeviceKind,
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
+    /// Whether it unpacks 16-bit floats; all do but some old ones.
+    pub(super) half: bool,
     /// What went wrong outside every error scope, first of all the loss of the device.
     pub(super) trouble: Arc<Mutex<Option<String>>>,
 }
@@ -101,6 +103,10 @@ pub(super) fn open(wanted: DeviceChoice, largest: u64) -> Result<Opened, Fallbac
     device.set_device_lost_callback(move |reason, text| note(&lost, format!("{reason:?} {text}")));
     Ok(Opened {
         kind: kind(&best),
+        half: best
+            .get_downlevel_capabilities()
+            .flags
+            .contains(wgpu::DownlevelFlags::SHADER_F16_IN_F32),
         name,
         device,
         queue,

@@ -55,7 +55,19 @@ pub struct Kernel {
     pub name: &'static str,
     /// The workgroup of a product.
     pub tile: Option<Tile>,
+    /// Whether a product's weights are stored as 16-bit floats. They are computed with as 32-bit
+    /// floats all the same, which takes no feature.
+    pub half: bool,
 }
+
+/// Lines of the common text where weights are 32-bit floats, and what stands there otherwise.
+const HALF: [(&str, &str); 2] = [
+    ("array<vec4<f32>>; // f32", "array<vec2<u32>>;"),
+    (
+        "return weight[i]; // f32",
+        "let w = weight[i]; return vec4<f32>(unpack2x16float(w.x), unpack2x16float(w.y));",
+    ),
+];
 
 macro_rules! shaders {
     ($($name:literal),* $(,)?) => {
@@ -91,6 +103,7 @@ impl Kernel {
         Self {
             name,
             tile: product.then_some(Tile::DEFAULT),
+            half: false,
         }
     }
 
@@ -102,8 +115,14 @@ impl Kernel {
     pub fn source(&self) -> String {
         let found = SHADERS.iter().find(|(name, _)| *name == self.name);
         let (_, text) = found.expect("every operation has a shader");
+        let mut common = COMMON.to_owned();
+        if self.half {
+            for (whole, half) in HALF {
+                common = common.replace(whole, half);
+            }
+        }
         match self.tile {
-            None => format!("{COMMON}{text}"),
+            None => format!("{common}{text}"),
             Some(Tile { rows, columns }) => {
                 let tile = TILE
                     .replace("THREADS_M: u32 = 8u", &format!("THREADS_M: u32 = {rows}u"))
@@ -111,7 +130,7 @@ impl Kernel {
                         "THREADS_N: u32 = 8u",
                         &format!("THREADS_N: u32 = {columns}u"),
                     );
-                format!("{COMMON}{text}{tile}")
+                format!("{common}{text}{tile}")
             }
         }
     }
@@ -138,15 +157,30 @@ mod tests {
                     .iter()
                     .flat_map(|&r| sizes.iter().map(move |&c| (r, c)));
                 let tiles: Vec<Tile> = pairs.map(|(r, c)| Tile::for_hardware(r, c)).collect();
-                kernels.extend(tiles.into_iter().map(|t| Kernel {
-                    tile: Some(t),
-                    name,
+                kernels.extend(tiles.iter().flat_map(|&t| {
+                    [false, true].map(|half| Kernel {
+                        tile: Some(t),
+                        name,
+                        half,
+                    })
                 }));
             }
         }
-        kernels.sort_by_key(|k| (k.name, k.tile.map(|t| (t.rows, t.columns))));
+        kernels.sort_by_key(|k| (k.name, k.tile.map(|t| (t.rows, t.columns)), k.half));
         kernels.dedup();
         kernels
+    }
+
+    #[test]
+    fn weights_of_half_precision_are_read_as_such() {
+        for (whole, half) in HALF {
+            assert_eq!(COMMON.matches(whole).count(), 1, "{whole}");
+            let kernel = Kernel {
+                half: true,
+                ..Kernel::new("linear")
+            };
+            assert!(kernel.source().contains(half));
+        }
     }
 
     fn parse(kernel: &Kernel) -> naga::Module {
@@ -161,7 +195,11 @@ mod tests {
             let module = parse(&kernel);
             let (flags, none) = (
                 naga::valid::ValidationFlags::all(),
-                naga::valid::Capabilities::empty(),
+                if kernel.half {
+                    naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32
+                } else {
+                    naga::valid::Capabilities::empty()
+                },
             );
             let checked = naga::valid::Validator::new(flags, none).validate(&module);
             checked

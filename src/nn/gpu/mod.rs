@@ -10,6 +10,7 @@ pub mod kernels;
 mod layout;
 mod lower;
 mod params;
+mod pipelines;
 mod session;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -17,9 +18,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use adapters::Opened;
-use kernels::{Kernel, Tile, TileRule};
+use kernels::{Tile, TileRule};
 use layout::Layout;
-use session::{GpuSession, Pipelines};
+use lower::Dispatch;
+use pipelines::Pipelines;
+use session::GpuSession;
 
 pub(crate) use adapters::list;
 
@@ -78,12 +81,12 @@ impl Gpu {
                 device: name.clone(),
                 reason,
             };
-            let (device, queue) = (&opened.device, &opened.queue);
+            let (device, queue, half) = (&opened.device, &opened.queue, opened.half);
             let made = scoped(device, || {
                 let layout = Layout::new(device);
                 let sessions = programs
                     .iter()
-                    .map(|p| GpuSession::new(device, queue, p))
+                    .map(|p| GpuSession::new(device, queue, p, half))
                     .collect();
                 (layout, sessions)
             });
@@ -96,7 +99,7 @@ impl Gpu {
                 } else {
                     Tile::for_hardware
                 },
-                pipelines: Pipelines::new(),
+                pipelines: Pipelines::default(),
                 sessions,
                 readback: None,
             };
@@ -126,11 +129,16 @@ impl Gpu {
     /// If the device cannot hold them.
     pub fn reload(&self, programs: &[&Program]) -> Result<(), Fallback> {
         let mut inner = self.lock();
-        let Opened { device, queue, .. } = &inner.opened;
+        let Opened {
+            device,
+            queue,
+            half,
+            ..
+        } = &inner.opened;
         let sessions = scoped(device, || {
             programs
                 .iter()
-                .map(|p| GpuSession::new(device, queue, p))
+                .map(|p| GpuSession::new(device, queue, p, *half))
                 .collect()
         });
         inner.sessions = sessions.map_err(|reason| Fallback::Unfit {
@@ -155,12 +163,30 @@ impl Gpu {
         programs: &[&Program],
         inputs: &[Inputs<'_>],
     ) -> Result<Vec<Vec<f32>>, Fallback> {
+        let mut outputs = self.run_many(programs, &[inputs])?;
+        Ok(outputs.pop().unwrap_or_default())
+    }
+
+    /// As [`Self::run`] for several missions, one after the other on the device with a submission
+    /// each, and one read-back for all of them.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub fn run_many(
+        &self,
+        programs: &[&Program],
+        missions: &[&[Inputs<'_>]],
+    ) -> Result<Vec<Vec<Vec<f32>>>, Fallback> {
         let mut inner = self.lock();
-        let outcome = catch_unwind(AssertUnwindSafe(|| inner.run(programs, inputs)))
+        let outcome = catch_unwind(AssertUnwindSafe(|| inner.run(programs, missions)))
             .unwrap_or_else(|_| Err("its driver broke".to_owned()));
-        outcome.map_err(|reason| Fallback::Lost {
-            device: self.name.clone(),
-            reason,
+        outcome.map_err(|reason| {
+            // It may wait for results for ever.
+            inner.readback = None;
+            Fallback::Lost {
+                device: self.name.clone(),
+                reason,
+            }
         })
     }
 
@@ -180,8 +206,8 @@ impl Inner {
     fn run(
         &mut self,
         programs: &[&Program],
-        inputs: &[Inputs<'_>],
-    ) -> Result<Vec<Vec<f32>>, String> {
+        missions: &[&[Inputs<'_>]],
+    ) -> Result<Vec<Vec<Vec<f32>>>, String> {
         let Self {
             opened,
             layout,
@@ -196,38 +222,41 @@ impl Inner {
             trouble,
             ..
         } = opened;
-        let sizes: Vec<_> = inputs.iter().map(Inputs::size).collect();
-        let lengths: Vec<u64> = programs
-            .iter()
-            .zip(&sizes)
-            .map(|(p, &s)| GpuSession::output_bytes(p, s))
-            .collect();
-        let total = lengths.iter().sum::<u64>().max(4);
+        let lengths = |inputs: &[Inputs<'_>]| -> Vec<u64> {
+            let pairs = programs.iter().zip(inputs);
+            pairs
+                .map(|(p, i)| GpuSession::output_bytes(p, i.size()))
+                .collect()
+        };
+        let lengths: Vec<Vec<u64>> = missions.iter().map(|inputs| lengths(inputs)).collect();
+        let total = lengths.iter().flatten().sum::<u64>().max(4);
         if readback.as_ref().is_none_or(|b| b.size() < total) {
             *readback = None;
         }
         scoped(device, || {
-            let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                label: Some("inference"),
-            });
             let target = readback.get_or_insert_with(|| readback_buffer(device, total));
             let mut at = 0;
-            for (((session, program), input), (&size, length)) in sessions
-                .iter_mut()
-                .zip(programs)
-                .zip(inputs)
-                .zip(sizes.iter().zip(&lengths))
-            {
-                let dispatches = session.prepare(device, queue, layout, *tiles, program, input);
-                for dispatch in &dispatches {
-                    let make = || pipeline(device, layout, dispatch.kernel);
-                    pipelines.entry(dispatch.kernel).or_insert_with(make);
+            for (inputs, lengths) in missions.iter().zip(&lengths) {
+                let prepared: Vec<Vec<Dispatch>> = sessions
+                    .iter_mut()
+                    .zip(programs.iter().zip(*inputs))
+                    .map(|(session, (program, input))| {
+                        session.prepare(device, queue, layout, *tiles, program, input)
+                    })
+                    .collect();
+                pipelines.make(device, layout, prepared.iter().flatten());
+                let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor {
+                    label: Some("inference"),
+                });
+                for (k, dispatches) in prepared.iter().enumerate() {
+                    let size = inputs[k].size();
+                    sessions[k].record(&mut encoder, pipelines, dispatches);
+                    sessions[k].record_output(&mut encoder, programs[k], size, target, at);
+                    at += lengths[k];
                 }
-                session.record(&mut encoder, pipelines, &dispatches);
-                session.record_output(&mut encoder, program, size, target, at);
-                at += length;
+                // Uploads for the next mission come after this one's work: the queue keeps order.
+                queue.submit([encoder.finish()]);
             }
-            queue.submit([encoder.finish()]);
             target.map_async(wgpu::MapMode::Read, 0..total, |_| {});
         })?;
         let wait = wgpu::PollType::Wait {
@@ -245,10 +274,14 @@ impl Inner {
                 .get_mapped_range(0..total)
                 .map_err(|e| e.to_string())?;
             let mut at = 0;
-            for length in lengths {
-                let bytes = &view[at as usize..(at + length) as usize];
-                outputs.push(bytemuck::pod_collect_to_vec(bytes));
-                at += length;
+            for lengths in &lengths {
+                let mut values = Vec::new();
+                for length in lengths {
+                    let bytes = &view[at as usize..(at + length) as usize];
+                    values.push(bytemuck::pod_collect_to_vec(bytes));
+                    at += length;
+                }
+                outputs.push(values);
             }
         }
         buffer.unmap();
@@ -262,21 +295,6 @@ fn readback_buffer(device: &wgpu::Device, size: u64) -> wgpu::Buffer {
         size,
         usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
-    })
-}
-
-fn pipeline(device: &wgpu::Device, layout: &Layout, kernel: Kernel) -> wgpu::ComputePipeline {
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(kernel.name),
-        source: wgpu::ShaderSource::Wgsl(kernel.source().into()),
-    });
-    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some(kernel.name),
-        layout: Some(&layout.pipelines),
-        module: &module,
-        entry_point: Some("main"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
     })
 }
 

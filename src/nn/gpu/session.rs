@@ -1,12 +1,12 @@
 //! A program on a device: its buffers, its kernels, and how they are recorded.
 
-use std::collections::HashMap;
+use half::slice::HalfFloatSliceExt as _;
+use wgpu::{BindGroup, Buffer, BufferUsages, Device, Queue};
 
-use wgpu::{BindGroup, Buffer, BufferUsages, ComputePipeline, Device, Queue};
-
-use super::kernels::{Kernel, TileRule};
+use super::kernels::TileRule;
 use super::layout::{Layout, round_up};
 use super::lower::{Dispatch, EdgeOffsets, Slot, lower};
+use super::pipelines::Pipelines;
 use crate::nn::inputs::Inputs;
 use crate::nn::program::{Edges, GraphSize, Op, Program};
 
@@ -14,15 +14,14 @@ use crate::nn::program::{Edges, GraphSize, Op, Program};
 /// default limits allow devices to ask for.
 const PARAMS_STRIDE: u64 = 256;
 
-/// Pipelines by kernel; programs on one device share them.
-pub(super) type Pipelines = HashMap<Kernel, ComputePipeline>;
-
 /// A program's place on a device.
 #[derive(Debug)]
 pub(super) struct GpuSession {
     constants: Vec<Buffer>,
     params: Buffer,
     nothing: Buffer,
+    /// Whether the weights of products are 16-bit floats.
+    half: bool,
     room: Option<Room>,
     staging: Vec<f32>,
 }
@@ -38,14 +37,25 @@ struct Room {
 }
 
 impl GpuSession {
-    /// Uploads a program's weights.
-    pub(super) fn new(device: &Device, queue: &Queue, program: &Program) -> Self {
-        let constants = packed(program);
-        let constants = constants
+    /// Uploads a program's weights; `half` says whether the device unpacks 16-bit floats.
+    pub(super) fn new(device: &Device, queue: &Queue, program: &Program, half: bool) -> Self {
+        let half = half && program.half;
+        let halved = halved(program, half);
+        let constants = program
+            .constants
             .iter()
-            .map(|values| {
+            .zip(halved)
+            .map(|(values, halved)| {
+                if halved {
+                    let words: Vec<half::f16> =
+                        values.iter().map(|&v| half::f16::from_f32(v)).collect();
+                    let buffer = storage(device, "weights", words.len().div_ceil(2));
+                    // Weights of products come in multiples of eight.
+                    queue.write_buffer(&buffer, 0, bytemuck::cast_slice(words.reinterpret_cast()));
+                    return buffer;
+                }
                 let buffer = storage(device, "weights", values.len());
-                queue.write_buffer(&buffer, 0, bytemuck::cast_slice(values));
+                queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&values[..]));
                 buffer
             })
             .collect();
@@ -60,6 +70,7 @@ impl GpuSession {
             constants,
             params,
             nothing,
+            half,
             room: None,
             staging: Vec::new(),
         }
@@ -110,7 +121,9 @@ impl GpuSession {
             .iter()
             .zip(words.chunks_exact_mut(PARAMS_STRIDE as usize))
         {
-            dispatches.push(lower(op, size, &offsets, tiles, at));
+            let mut dispatch = lower(op, size, &offsets, tiles, at);
+            dispatch.kernel.half = self.half && dispatch.kernel.tile.is_some();
+            dispatches.push(dispatch);
         }
         queue.write_buffer(&self.params, 0, &words);
         dispatches
@@ -130,7 +143,7 @@ impl GpuSession {
         };
         let mut pass = encoder.begin_compute_pass(&descriptor);
         for (k, (dispatch, group)) in dispatches.iter().zip(&room.groups).enumerate() {
-            let Some(pipeline) = pipelines.get(&dispatch.kernel) else {
+            let Some(pipeline) = pipelines.get(dispatch.kernel) else {
                 continue;
             };
             if dispatch.groups.contains(&0) {
@@ -244,6 +257,20 @@ impl GpuSession {
     }
 }
 
+/// For each constant whether it is stored as 16-bit floats: the weights of products, if `half`.
+fn halved(program: &Program, half: bool) -> Vec<bool> {
+    let mut halved = vec![false; program.constants.len()];
+    for op in &program.ops {
+        if let Op::Conv2d { weight, .. }
+        | Op::ConvTranspose2d { weight, .. }
+        | Op::Linear { weight, .. } = op
+        {
+            halved[weight.index()] = half;
+        }
+    }
+    halved
+}
+
 fn storage(device: &Device, label: &str, values: usize) -> Buffer {
     device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
@@ -266,34 +293,4 @@ fn edge_words(inputs: &Inputs<'_>) -> (Vec<u32>, EdgeOffsets) {
         words.extend(list.sources);
     }
     (words, offsets)
-}
-
-/// The constants as kernels want them: the weights of products as (inner, outputs), outputs
-/// padded to a multiple of four.
-fn packed(program: &Program) -> Vec<Vec<f32>> {
-    let mut constants: Vec<Vec<f32>> = program.constants.iter().map(|c| c.to_vec()).collect();
-    for op in &program.ops {
-        let (weight, parts, out) = match op {
-            Op::Conv2d { weight, y, .. } => (weight, 1, y.channels),
-            Op::ConvTranspose2d {
-                weight, window, y, ..
-            } => (weight, window.stride * window.stride, y.channels),
-            Op::Linear { weight, y, .. } => (weight, 1, y.columns),
-            _ => continue,
-        };
-        // A constant belongs to one operation, so it is turned once.
-        let rows = &program.constants[weight.index()];
-        let inner = rows.len() / (parts * out).max(1);
-        let wide = round_up(out, 4);
-        let mut turned = vec![0.0; parts * inner * wide];
-        for (part, values) in rows.chunks_exact((out * inner).max(1)).enumerate() {
-            for (o, row) in values.chunks_exact(inner.max(1)).enumerate() {
-                for (k, &w) in row.iter().enumerate() {
-                    turned[(part * inner + k) * wide + o] = w;
-                }
-            }
-        }
-        constants[weight.index()] = turned;
-    }
-    constants
 }

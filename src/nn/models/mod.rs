@@ -9,12 +9,15 @@ mod unet;
 use super::config::Config;
 use super::program::Program;
 use super::weights::{TensorSource, WeightError, WeightFile};
+use crate::encoding::Encoding;
 
 /// A network: its configuration and the program that computes it.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// The configuration.
     pub config: Config,
+    /// How its inputs are encoded.
+    pub encoding: Encoding,
     /// The operations and their weights.
     pub program: Program,
 }
@@ -37,6 +40,15 @@ impl Model {
         })?;
         program.resolution = config.resolution();
         program.labels = config.labels();
-        Ok(Self { config, program })
+        program.half = !file.tensors.is_empty() && file.tensors.values().all(|t| t.stored == "F16");
+        let version = file
+            .config
+            .get("encoding")
+            .and_then(serde_json::Value::as_u64);
+        Ok(Self {
+            encoding: version.and_then(Encoding::of_version).unwrap_or_default(),
+            config,
+            program,
+        })
     }
 }

@@ -11,7 +11,9 @@ mod source;
 pub use fault::{Fault, WeightError};
 pub(crate) use file::hex;
 pub use file::{Tensor, WeightFile};
-pub use source::{EdgeWeights, Norm, TensorSource, conv_weights, transposed_weights};
+pub use source::{
+    EdgeWeights, Norm, TensorSource, conv_weights, linear_weights, transposed_weights,
+};
 
 /// The version of the file layout that this code reads.
 pub const FORMAT_VERSION: u32 = 1;

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{Fault, Tensor, WeightError, WeightFile};
+use crate::nn::cpu::product::{LANES, PANEL, panels};
 use crate::nn::program::{ConstantId, Program, Window};
 
 /// What PyTorch adds to variances.
@@ -137,7 +138,7 @@ impl<'a> TensorSource<'a> {
         }
     }
 
-    /// A convolution's weights (out, kernel · kernel, in) and bias (out), with its norm folded in.
+    /// A convolution's weights and bias in the layout of the operation, with its norm folded in.
     ///
     /// The tensors are `{name}.weight` and what `norm` says (`{name}.bias` without one).
     pub fn conv(
@@ -180,7 +181,7 @@ impl<'a> TensorSource<'a> {
         (program.constant(values), program.constant(addend))
     }
 
-    /// A linear layer's weights (out, in) and bias (out).
+    /// A linear layer's weights and bias, in the layout of the operation.
     pub fn linear(
         &mut self,
         program: &mut Program,
@@ -188,7 +189,10 @@ impl<'a> TensorSource<'a> {
         out: usize,
         inputs: usize,
     ) -> (ConstantId, ConstantId) {
-        let weight = self.plain(program, &format!("{name}.weight"), &[out, inputs]);
+        let weight = self
+            .take(&format!("{name}.weight"), &[out, inputs])
+            .map_or_else(Vec::new, |t| linear_weights(&t.values, out));
+        let weight = program.constant(weight);
         (weight, self.plain(program, &format!("{name}.bias"), &[out]))
     }
 
@@ -204,12 +208,11 @@ impl<'a> TensorSource<'a> {
             let values = self
                 .take(&format!("{name}.{part}"), shape)
                 .map_or(&[][..], |t| &t.values);
-            program.constant(values[values.len().saturating_sub(columns)..].to_vec())
+            values[values.len().saturating_sub(columns)..].to_vec()
         };
-        (
-            last("weight", &[out, inputs], inputs),
-            last("bias", &[out], 1),
-        )
+        let weight = linear_weights(&last("weight", &[out, inputs], inputs), 1);
+        let bias = last("bias", &[out], 1);
+        (program.constant(weight), program.constant(bias))
     }
 
     /// Several linear layers whose results are added, as one with the inputs side by side.
@@ -298,42 +301,82 @@ fn projected(weight: Option<&Tensor>, attention: Option<&Tensor>, inputs: usize)
     sums.into_iter().map(|sum| sum as f32).collect()
 }
 
-/// Matrices of `rows` rows joined along their columns, times `factor`; empty if one is missing.
-fn side_by_side(parts: &[Option<&Tensor>], rows: usize, factor: f32) -> Vec<f32> {
+/// Linear layers (out, in) over inputs side by side, times `factor`; empty if one is missing.
+fn side_by_side(parts: &[Option<&Tensor>], out: usize, factor: f32) -> Vec<f32> {
     let Some(parts) = parts.iter().copied().collect::<Option<Vec<_>>>() else {
         return Vec::new();
     };
-    (0..rows)
-        .flat_map(|i| {
-            parts.iter().flat_map(move |t| {
-                let columns = t.values.len() / rows;
-                t.values[i * columns..(i + 1) * columns]
-                    .iter()
-                    .map(move |w| w * factor)
-            })
-        })
-        .collect()
+    let inputs: usize = parts.iter().map(|t| t.values.len() / out.max(1)).sum();
+    let mut turned = Turned::new(inputs, out);
+    let mut first = 0;
+    for tensor in parts {
+        first += turned.put(&tensor.values, first, factor);
+    }
+    turned.values
+}
+
+/// PyTorch's weights of a linear layer, (out, in), as (in, ⌈out / 16⌉ · 16): the layout of
+/// [`Op::Linear`](crate::nn::program::Op::Linear).
+#[must_use]
+pub fn linear_weights(weight: &[f32], out: usize) -> Vec<f32> {
+    let mut turned = Turned::new(weight.len() / out.max(1), out);
+    turned.put(weight, 0, 1.0);
+    turned.values
+}
+
+/// A linear layer's weights while they are put together.
+struct Turned {
+    values: Vec<f32>,
+    out: usize,
+    stride: usize,
+}
+
+impl Turned {
+    fn new(inputs: usize, out: usize) -> Self {
+        let stride = out.next_multiple_of(LANES);
+        Self {
+            values: vec![0.0; inputs * stride],
+            out,
+            stride,
+        }
+    }
+
+    /// Writes weights (out, in) times `factor` for the inputs from `first` on; returns how many.
+    fn put(&mut self, weight: &[f32], first: usize, factor: f32) -> usize {
+        let inputs = weight.len() / self.out.max(1);
+        let rows = self.values.chunks_exact_mut(self.stride.max(1));
+        for (k, row) in rows.skip(first).take(inputs).enumerate() {
+            for (o, to) in row[..self.out].iter_mut().enumerate() {
+                *to = weight[o * inputs + k] * factor;
+            }
+        }
+        inputs
+    }
 }
 
 /// PyTorch's weights of a convolution, (out, in, kernel, kernel), times a factor per output
-/// channel, as (out, kernel · kernel, in): the layout of
-/// [`Op::Conv2d`](crate::nn::program::Op::Conv2d).
+/// channel, in panels: the layout of [`Op::Conv2d`](crate::nn::program::Op::Conv2d).
 ///
 /// # Panics
 /// If `weight` is shorter than its shape.
 #[must_use]
 pub fn conv_weights(weight: &[f32], factor: &[f32], inputs: usize, kernel: usize) -> Vec<f32> {
-    let taps = kernel * kernel;
-    let mut values = Vec::with_capacity(weight.len());
-    for (row, &scale) in weight.chunks_exact((inputs * taps).max(1)).zip(factor) {
-        let of_tap = |tap| (0..inputs).map(move |i| row[i * taps + tap] * scale);
-        values.extend((0..taps).flat_map(of_tap));
+    let depth = inputs * kernel * kernel;
+    let mut packed = vec![0.0; factor.len().next_multiple_of(PANEL) * depth];
+    // Row by row: a third of the time of going by elements.
+    for (o, (row, &scale)) in weight.chunks_exact(depth.max(1)).zip(factor).enumerate() {
+        let panel = packed[o / PANEL * PANEL * depth..]
+            .as_chunks_mut::<PANEL>()
+            .0;
+        for (lane, &w) in panel.iter_mut().zip(row) {
+            lane[o % PANEL] = w * scale;
+        }
     }
-    values
+    packed
 }
 
 /// PyTorch's weights of a transposed convolution, (in, out, kernel, kernel), times a factor per
-/// output channel, as (stride, stride, out, taps · taps, in): the layout of
+/// output channel, in panels per residue: the layout of
 /// [`Op::ConvTranspose2d`](crate::nn::program::Op::ConvTranspose2d).
 ///
 /// # Panics
@@ -352,19 +395,22 @@ pub fn transposed_weights(
     } = window;
     let (taps, out) = (window.taps(), factor.len());
     let entry = |residue: usize, tap: usize| (residue + padding) % stride + stride * tap;
-    let mut values = Vec::with_capacity(stride * stride * out * inputs * taps * taps);
+    let mut values = Vec::with_capacity(4 * weight.len().next_multiple_of(PANEL) / 3);
     for residue in 0..stride * stride {
-        for (o, &scale) in factor.iter().enumerate() {
-            for tap in 0..taps * taps {
+        // Where each tap stands in a kernel, if it does.
+        let places: Vec<Option<usize>> = (0..taps * taps)
+            .map(|tap| {
                 let y = entry(residue / stride, tap / taps);
                 let x = entry(residue % stride, tap % taps);
-                let inside = y < kernel && x < kernel;
-                values.extend((0..inputs).map(|i| {
-                    let at = ((i * out + o) * kernel + y) * kernel + x;
-                    if inside { weight[at] * scale } else { 0.0 }
-                }));
-            }
-        }
+                (y < kernel && x < kernel).then_some(y * kernel + x)
+            })
+            .collect();
+        values.extend(panels(out, inputs * taps * taps, |o, k| {
+            let (i, tap) = (k / places.len(), k % places.len());
+            places[tap].map_or(0.0, |place| {
+                weight[(i * out + o) * kernel * kernel + place] * factor[o]
+            })
+        }));
     }
     values
 }

@@ -1,0 +1,45 @@
+//! Sharing out the channels of a result among threads.
+
+use rayon::prelude::*;
+
+use super::product::PANEL;
+use super::views::PlanesMut;
+
+/// Below this many multiply-adds one thread is faster than several (some tenths of a millisecond
+/// of work, against the tens of microseconds that waking threads takes).
+const MULTIPLY_ADDS_PER_THREAD: usize = 20_000_000;
+
+/// Runs `work` on groups of channels of `y`, whole panels of them, with at most `threads` threads
+/// where that pays. `depth` is how many multiply-adds a value takes. Work is handed the number of
+/// its first channel, its channels, and memory for itself: `tile` for the first thread.
+pub(super) fn share(
+    threads: usize,
+    y: PlanesMut<'_>,
+    depth: usize,
+    tile: &mut Vec<f32>,
+    work: impl Fn(usize, PlanesMut<'_>, &mut Vec<f32>) + Sync,
+) {
+    let multiply_adds = y.data.len().saturating_mul(depth);
+    let parts = threads
+        .min(multiply_adds / MULTIPLY_ADDS_PER_THREAD)
+        .min(y.channels.div_ceil(PANEL));
+    if parts <= 1 {
+        work(0, y, tile);
+        return;
+    }
+    let channels = y.channels.div_ceil(PANEL).div_ceil(parts) * PANEL;
+    let (height, width) = (y.height, y.width);
+    let cells = height * width;
+    y.data
+        .par_chunks_mut(channels * cells)
+        .enumerate()
+        .for_each_init(Vec::new, |tile, (part, data)| {
+            let y = PlanesMut {
+                channels: data.len() / cells,
+                data,
+                height,
+                width,
+            };
+            work(part * channels, y, tile);
+        });
+}

@@ -1,0 +1,75 @@
+//! Networks run without allocating once their buffers are there: counted by an allocator of its own.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use nngtl::bench::inference::SampleMission;
+use nngtl::nn::cpu::Session;
+use nngtl::nn::embedded;
+use nngtl::nn::models::Model;
+use nngtl::nn::weights::WeightFile;
+use serde_json::json;
+
+/// The system's allocator, counting.
+struct Counting;
+
+static COUNT: AtomicU64 = AtomicU64::new(0);
+
+// SAFETY: every call is passed on to the system's allocator as it is.
+#[allow(unsafe_code)] // an allocator cannot be written without
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller keeps the contract of `alloc`.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps the contract of `dealloc`.
+        unsafe { System.dealloc(at, layout) }
+    }
+
+    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        COUNT.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller keeps the contract of `realloc`.
+        unsafe { System.realloc(at, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn models() -> Vec<Model> {
+    let built_in = embedded().into_iter().flatten();
+    let mut files: Vec<WeightFile> = built_in
+        .map(|bytes| WeightFile::parse("built-in", bytes).unwrap())
+        .collect();
+    let paper = [
+        json!({"kind": "pathnet", "variant": "paper", "format": 1, "encoding": 1, "labels": 7, "resolution": 64,
+            "n1": 2, "graph": [8, 8, 8], "fusion": "dense", "skip": "third"}),
+        json!({"kind": "statenet", "variant": "paper", "format": 1, "encoding": 1, "labels": 7, "resolution": 64,
+            "trunk": "bottleneck", "trunk_widths": [4, 4], "trunk_blocks": [2, 1], "map_feature": 8,
+            "first": 8, "graph": [8, 8]}),
+    ];
+    files.extend(paper.map(|config| WeightFile::random(config, 1).unwrap()));
+    files.iter().map(|file| Model::new(file).unwrap()).collect()
+}
+
+// One test alone: others beside it would be counted too.
+#[test]
+fn runs_after_the_first_allocate_nothing() {
+    let mission = SampleMission::default();
+    for model in models() {
+        let raster = mission.raster(model.program.resolution);
+        let inputs = mission.inputs(&raster);
+        let mut session = Session::new(1);
+        let first = session.run(&model.program, &inputs).to_vec();
+        let before = COUNT.load(Ordering::Relaxed);
+        for _ in 0..3 {
+            let same = session.run(&model.program, &inputs) == first;
+            assert!(same);
+        }
+        let counted = COUNT.load(Ordering::Relaxed) - before;
+        assert_eq!(counted, 0, "{:?}", model.config.kind());
+    }
+}

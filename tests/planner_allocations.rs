@@ -1,44 +1,17 @@
 //! Growing trees allocates nothing once their buffers have grown: counted by an allocator of its own.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+mod counting;
 
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use counting::COUNT;
 use nalgebra::Point2;
 use nngtl::automaton::{Limits, Task};
 use nngtl::guidance::{Guidance, Heatmap};
 use nngtl::planner::{Guide, Problem, Sampler, Settings, Stop, plan};
 use nngtl::system::Continuous;
 use nngtl::workspace::{Bounds, Polygon, Region, Workspace};
-
-/// The system's allocator, counting.
-struct Counting;
-
-static COUNT: AtomicU64 = AtomicU64::new(0);
-
-// SAFETY: every call is passed on to the system's allocator as it is.
-#[allow(unsafe_code)] // an allocator cannot be written without
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller keeps the contract of `alloc`.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        // SAFETY: the caller keeps the contract of `dealloc`.
-        unsafe { System.dealloc(at, layout) }
-    }
-
-    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        COUNT.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller keeps the contract of `realloc`.
-        unsafe { System.realloc(at, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Polygon {
     Polygon::rectangle(Point2::new(x0, y0), Point2::new(x1, y1)).unwrap()

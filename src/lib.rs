@@ -14,6 +14,7 @@ pub mod mission;
 pub mod nn;
 pub mod plan;
 pub mod planner;
+mod queue;
 pub mod random;
 pub mod render;
 pub mod scenario;

@@ -15,7 +15,8 @@ use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 
 use super::mission::Mission;
-use super::search::{Entry, Found, Labels};
+use super::search::{Found, Labels};
+use crate::queue::Entry;
 
 /// Searches for suffixes, with what they share.
 pub(super) struct Cycles<'m, 'a> {

@@ -11,6 +11,7 @@ use std::collections::BinaryHeap;
 use super::Infeasible;
 use super::cycles::Cycles;
 use super::mission::Mission;
+use crate::queue::Entry;
 
 /// Neither prefix nor suffix counts as less than this share: among plans of equal cost the shorter ones
 /// are wanted, and they end the search.
@@ -79,24 +80,6 @@ impl Best {
         let limit = self.limit();
         self.plans.retain(|p| p.0 <= limit);
         self.plans.truncate(CANDIDATES);
-    }
-}
-
-/// An entry of a queue: ordered by priority, then by number.
-#[derive(PartialEq)]
-pub(super) struct Entry(pub(super) f64, pub(super) u32);
-
-impl Eq for Entry {}
-
-impl Ord for Entry {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.0.total_cmp(&other.0).then(self.1.cmp(&other.1))
-    }
-}
-
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
     }
 }
 

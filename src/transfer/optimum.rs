@@ -12,6 +12,7 @@ use std::collections::{BinaryHeap, HashMap};
 use crate::automaton::{StateId, Task};
 use crate::plan::{Cost, Path, Waypoint};
 use crate::planner::Problem;
+use crate::queue::Entry;
 use crate::system::{Spot, TransitionSystem};
 
 /// A move to another place.
@@ -22,24 +23,6 @@ struct Move {
     /// A place on the way that splits the move into two; the move itself is only needed where the
     /// automaton cannot wait there.
     via: Option<u32>,
-}
-
-/// An entry of Dijkstra's queue, ordered by cost, then by number.
-#[derive(PartialEq)]
-struct Entry(f64, u32);
-
-impl Eq for Entry {}
-
-impl Ord for Entry {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.0.total_cmp(&other.0).then(self.1.cmp(&other.1))
-    }
-}
-
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
 }
 
 /// The best prefix-suffix path of a problem whose places are finitely many; `None` if there is no

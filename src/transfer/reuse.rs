@@ -13,6 +13,7 @@ use super::subtasks::{Equivalence, SubtaskGraph, loops};
 use crate::alphabet::LetterSet;
 use crate::automaton::{Nba, StateId};
 use crate::planner::{NodeId, Problem, SiteId, Tree};
+use crate::queue::Entry;
 use crate::system::{Spot, TransitionSystem};
 
 /// A library laid out for one mission: its subtasks, and which skills serve them.
@@ -90,24 +91,6 @@ impl Kit<'_> {
     }
 }
 
-/// An entry of the queue of nodes whose skills are to be added, cheapest first.
-#[derive(PartialEq)]
-struct Entry(f64, NodeId);
-
-impl Eq for Entry {}
-
-impl Ord for Entry {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.0.total_cmp(&other.0).then(self.1.cmp(&other.1))
-    }
-}
-
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
 /// A point of a reused path at which the automaton accepts: the path goes on from there.
 #[derive(Clone, Debug)]
 pub(crate) struct Continuation {
@@ -120,7 +103,7 @@ pub(crate) struct Continuation {
 /// What of the kit one tree has used.
 #[derive(Default)]
 pub(crate) struct Reuser {
-    open: BinaryHeap<Reverse<Entry>>,
+    open: BinaryHeap<Reverse<Entry<NodeId>>>,
     /// For each node, the cost at which its skills were added (`Used` of Alg. 5).
     used: Vec<f64>,
     /// For each skill, the sites of its waypoints, once it was used.

@@ -6,6 +6,7 @@ use std::collections::{BinaryHeap, HashMap};
 use super::{Gates, Relations};
 use crate::alphabet::Letter;
 use crate::automaton::Task;
+use crate::queue::Entry;
 
 /// A node of the product: a gate, the letter that it leads into, and the automaton's state there.
 #[derive(Clone, Copy, Debug)]
@@ -293,22 +294,4 @@ fn readings(
         leads.push(before);
     }
     (reads, leads)
-}
-
-/// An entry of a queue: ordered by length, then by number.
-#[derive(PartialEq)]
-pub(super) struct Entry(pub(super) f64, pub(super) u32);
-
-impl Eq for Entry {}
-
-impl Ord for Entry {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        self.0.total_cmp(&other.0).then(self.1.cmp(&other.1))
-    }
-}
-
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
 }

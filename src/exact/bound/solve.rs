@@ -11,7 +11,8 @@ use std::collections::BinaryHeap;
 
 use super::Gates;
 use super::entrances::{Arrivals, Entrances};
-use super::product::{Entry, Leg, Product};
+use super::product::{Leg, Product};
+use crate::queue::Entry;
 
 /// Least costs in a product, and what they were found from.
 pub(super) struct Solved<'g> {
@@ -288,7 +289,7 @@ impl Closing<'_, '_, '_> {
             OUT => round.left[n].min(round.home[n] + round.within),
             _ => round.home[n],
         };
-        let push = |queue: &mut BinaryHeap<Reverse<(Entry, u32)>>, kind, cost: f64, i| {
+        let push = |queue: &mut BinaryHeap<Reverse<(Entry<u32>, u32)>>, kind, cost: f64, i| {
             queue.push(Reverse((Entry(cost, i), kind)));
         };
         for &n in departures {

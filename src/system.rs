@@ -80,6 +80,19 @@ pub trait TransitionSystem: Send + Sync {
     /// `keep`, what was found out about `to` is kept for later calls.
     fn first_leg(&self, from: Point2<f64>, to: Point2<f64>, keep: bool) -> Option<Leg>;
 
+    /// How the shortest path to `to` begins that meets neither obstacles nor regions without a letter in `through`; `None`
+    /// if there is no such path, or if one of its ends lies in such a region. What was found out about `to` is kept. Systems that
+    /// cannot tell look for obstacles alone.
+    fn first_leg_through(
+        &self,
+        from: Point2<f64>,
+        to: Point2<f64>,
+        through: &LetterSet,
+    ) -> Option<Leg> {
+        let _ = through;
+        self.first_leg(from, to, true)
+    }
+
     /// Calls `visit` with every point at which the shortest path from `from` to `to` that meets no obstacle
     /// bends, in order, and with `to`; not at all if there is no path. What is found out about `to` is
     /// kept for later calls. Systems that know the [first leg](Self::first_leg) only tell that.

@@ -5,6 +5,7 @@ mod choices;
 mod guided;
 mod heat;
 pub(crate) mod leads;
+mod passage;
 
 use std::sync::Arc;
 

@@ -9,7 +9,7 @@ use super::{Landmark, Leg, Spot, TransitionSystem};
 use crate::alphabet::{Alphabet, Letter, LetterSet};
 use crate::random::Random;
 use crate::workspace::visibility::{PathsTo, VisibilityGraph};
-use crate::workspace::{Bounds, Place, Workspace};
+use crate::workspace::{Bounds, Place, Polygon, Workspace};
 
 /// Shortest paths are kept up to so many units of 64 bytes (256 MiB), and those to the newest target
 /// however many they are.
@@ -39,16 +39,32 @@ pub enum StartError {
     },
 }
 
+/// Of maps with more corners than this, no shortest ways around regions are prepared: each set of forbidden regions
+/// needs a triangulation of its own.
+const MAX_CORNERS: usize = 20_000;
+
+/// So many sets of forbidden regions are prepared at most.
+const MAX_SETS: usize = 64;
+
 /// A workspace with a start: which parts of the map can be reached, and how.
 #[derive(Debug)]
 pub struct Continuous {
-    graph: VisibilityGraph,
+    ways: Ways,
+    /// By the letters that may be passed: shortest ways that keep out of all other regions. `None` where there is
+    /// nothing to keep out of, or no map would be left.
+    around: Mutex<HashMap<LetterSet, Option<Arc<Ways>>>>,
     start: Spot,
     landmarks: Vec<Vec<Landmark>>,
     /// For each letter and cell, the number of the landmark that stands for it.
     parts: Vec<Vec<Option<u32>>>,
     reachable: LetterSet,
-    paths: Mutex<Known>,
+}
+
+/// Shortest ways between places of a map, those to some targets kept.
+#[derive(Debug)]
+struct Ways {
+    graph: VisibilityGraph,
+    known: Mutex<Known>,
 }
 
 /// Paths to targets that are asked for more than once.
@@ -106,15 +122,15 @@ impl Continuous {
             landmarks,
             parts,
             reachable,
-            paths: Mutex::default(),
-            graph,
+            ways: Ways::new(graph),
+            around: Mutex::default(),
         })
     }
 
     /// The map.
     #[must_use]
     pub fn map(&self) -> &Arc<Workspace> {
-        self.graph.map()
+        self.ways.graph.map()
     }
 
     /// Where the robot starts.
@@ -126,18 +142,57 @@ impl Continuous {
     /// Which obstacle corners see each other, and what hangs together.
     #[must_use]
     pub fn graph(&self) -> &VisibilityGraph {
-        &self.graph
+        &self.ways.graph
     }
 
     /// The shortest obstacle-free path between two free points, ends included.
     #[must_use]
     pub fn shortest_path(&self, from: Point2<f64>, to: Point2<f64>) -> Option<Vec<Point2<f64>>> {
-        self.graph.paths_to(to).path(&self.graph, from)
+        let graph = self.graph();
+        graph.paths_to(to).path(graph, from)
+    }
+
+    /// Shortest ways that keep out of the regions all of whose letters are missing in `through`; `None` if that rules out
+    /// nothing, or more than can be prepared.
+    fn around(&self, through: &LetterSet) -> Option<Arc<Ways>> {
+        let mut around = self.around.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = around.get(through) {
+            return known.clone();
+        }
+        if around.len() >= MAX_SETS {
+            return None;
+        }
+        let ways = self.without(through).map(Arc::new);
+        around.insert(through.clone(), ways.clone());
+        ways
+    }
+
+    fn without(&self, through: &LetterSet) -> Option<Ways> {
+        let map = self.map();
+        let alphabet = map.alphabet();
+        let regions = map.regions().iter().enumerate();
+        let barred: Vec<Polygon> = regions
+            .filter(|(i, _)| alphabet.letters_with(*i).is_disjoint(through))
+            .map(|(_, region)| region.polygon.clone())
+            .collect();
+        if barred.is_empty() || self.graph().corners().count() > MAX_CORNERS {
+            return None;
+        }
+        let obstacles = map.obstacles().iter().cloned().chain(barred).collect();
+        let rest = Workspace::new(map.bounds(), obstacles, Vec::new()).ok()?;
+        Some(Ways::new(VisibilityGraph::new(Arc::new(rest))))
+    }
+}
+
+impl Ways {
+    fn new(graph: VisibilityGraph) -> Self {
+        let known = Mutex::default();
+        Self { graph, known }
     }
 
     fn paths_to(&self, to: Point2<f64>) -> Arc<PathsTo> {
         let key = [to.x.to_bits(), to.y.to_bits()];
-        let mut known = self.paths.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(paths) = known.paths.get(&key) {
             return Arc::clone(paths);
         }
@@ -205,16 +260,33 @@ impl TransitionSystem for Continuous {
             return Some(leg(((to - from).norm(), to)));
         }
         if !keep {
-            return self.graph.first_leg(from, to).map(leg);
+            return self.graph().first_leg(from, to).map(leg);
         }
-        self.paths_to(to).bend(&self.graph, from).map(leg)
+        self.ways.paths_to(to).bend(self.graph(), from).map(leg)
+    }
+
+    fn first_leg_through(
+        &self,
+        from: Point2<f64>,
+        to: Point2<f64>,
+        through: &LetterSet,
+    ) -> Option<Leg> {
+        let Some(ways) = self.around(through) else {
+            return self.first_leg(from, to, true);
+        };
+        let barred = |p| matches!(ways.graph.map().locate(p), Place::Obstacle(_));
+        if barred(from) || barred(to) {
+            return None;
+        }
+        let (length, to) = ways.paths_to(to).first_leg(&ways.graph, from)?;
+        Some(Leg { to, length })
     }
 
     fn walk(&self, from: Point2<f64>, to: Point2<f64>, visit: &mut dyn FnMut(Point2<f64>)) {
         if self.map().is_free_between(from, to) {
             return visit(to);
         }
-        self.paths_to(to).bends(&self.graph, from, visit);
+        self.ways.paths_to(to).bends(self.graph(), from, visit);
     }
 
     fn part(&self, spot: &Spot) -> Option<u32> {

@@ -199,6 +199,27 @@ impl Workspace {
         changes <= 1
     }
 
+    /// The part of the segment `ab` along which the letter has changed once, if it changes again before `b`: as parameters
+    /// from 0 at `a` to 1 at `b`. Ends as for [`Self::step_between`].
+    #[must_use]
+    pub(crate) fn second_letter(
+        &self,
+        a: Point2<f64>,
+        from: Letter,
+        b: Point2<f64>,
+        to: Letter,
+    ) -> Option<[f64; 2]> {
+        let stretches = self.stretches(a, b, from).ok()?;
+        let end = [Stretch {
+            start: 1.0,
+            letter: to,
+        }];
+        let mut rest = stretches.iter().chain(&end).skip_while(|s| s.letter == from);
+        let second = rest.next()?;
+        let third = rest.find(|s| s.letter != second.letter)?;
+        Some([second.start, third.start])
+    }
+
     fn ends_are_free(&self, a: Point2<f64>, b: Point2<f64>) -> Result<(), Blocked> {
         for at in [a, b] {
             match self.locate(at) {

@@ -8,6 +8,7 @@ use nalgebra::Point2;
 use rand::RngExt;
 use smallvec::SmallVec;
 
+use super::passage::Step;
 use super::{Aim, View};
 use crate::alphabet::Letter;
 use crate::automaton::{Distances, StateId};
@@ -51,6 +52,8 @@ pub(super) struct Target {
     pub(super) fixed: bool,
     /// The letter that it stands for, where any other place with that letter would do.
     pub(super) letter: Option<Letter>,
+    /// What the automaton is to do there.
+    pub(super) step: Step,
 }
 
 /// S-1 to S-4. `None`: the chosen node cannot make progress, a failed sample.
@@ -74,6 +77,7 @@ pub(super) fn destination(
         at,
         fixed: true,
         letter: None,
+        step: Step { from: goal, goal },
     });
     let around = matches!(view.aim, Aim::Suffix { .. }) && at_root;
     if end.is_some() && state == goal && !around {
@@ -88,7 +92,7 @@ pub(super) fn destination(
         return Some(Destination { closest, target });
     }
     let second = second_successor(view, first, goal, preference, random)?;
-    let target = target_of_edge(view, first, second, spot.letter, random);
+    let target = target_of_edge(view, (first, second), goal, spot.letter, random);
     Some(Destination { closest, target })
 }
 
@@ -238,11 +242,12 @@ fn second_successor(
 /// region means anywhere outside regions. `None`: the step has no destination.
 fn target_of_edge(
     view: &View<'_>,
-    first: StateId,
-    second: StateId,
+    (first, second): (StateId, StateId),
+    goal: StateId,
     here: Letter,
     random: &mut Random,
 ) -> Option<Target> {
+    let step = Step { from: first, goal };
     let guard = view.task.nba.guard(first, second)?;
     let free = |letter: Letter| view.system.alphabet().props(letter).is_empty();
     let letters: SmallVec<[Letter; 32]> = guard
@@ -258,6 +263,7 @@ fn target_of_edge(
             at: view.system.sample_letter(letter, random),
             fixed: false,
             letter: None,
+            step,
         });
     }
     let landmarks = view.system.landmarks(letter);
@@ -266,6 +272,7 @@ fn target_of_edge(
         at: landmarks[pick].at,
         fixed: true,
         letter: Some(letter),
+        step,
     })
 }
 

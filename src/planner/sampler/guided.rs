@@ -13,13 +13,14 @@ use super::choices::{Destination, Preference, Target, destination, in_box, settl
 use super::heat::Frame;
 use super::{Draw, Guide, View, uniform};
 use crate::alphabet::Letter;
-use crate::random::{Random, chance, weighted};
+use crate::random::{Random, chance, unit, weighted};
+use crate::system::Spot;
 
 /// Points of a region that are drawn for the heatmap to choose from.
 const CANDIDATES: usize = 4;
 
-/// The region's share where the leg there would change the letter twice: other nodes may do better.
-const BARRED_SHARE: f64 = 0.1;
+/// Points around a corner that are looked at to find one that a leg leads to.
+const CORNER_TRIES: usize = 8;
 
 /// Cells of the frame when there is no heatmap.
 const SIDE: usize = 200;
@@ -50,10 +51,12 @@ pub(super) fn draw(guide: Option<&Guide>, view: &View<'_>, random: &mut Random) 
     if !chance(random, settings.alpha) {
         return super::biased::towards(view, closest, target, random);
     }
-    let from = view.tree.spot(closest).at;
-    let at = match aim(view, from, closest, target, random)? {
+    let from = view.tree.spot(closest);
+    let at = match aim(view, from, target, random)? {
         Area::Region(letter) => in_region(guide, view, letter, random),
         Area::Between(a, b, margin) => in_rectangle(guide, view, a, b, margin, random)?,
+        Area::Along([a, b]) => a + (b - a) * unit(random),
+        Area::Corner(corner) => in_corner(guide, view, from, corner, random)?,
     };
     Some(Draw {
         at,
@@ -67,38 +70,62 @@ enum Area {
     Region(Letter),
     /// The rectangle between two points, grown by so much on each side.
     Between(Point2<f64>, Point2<f64>, f64),
+    /// Straight from one point to another.
+    Along([Point2<f64>; 2]),
+    /// Around a corner.
+    Corner(Point2<f64>),
 }
 
 /// What the way from a node to its target asks for.
-fn aim(
-    view: &View<'_>,
-    from: Point2<f64>,
-    closest: super::NodeId,
-    target: Target,
-    random: &mut Random,
-) -> Option<Area> {
+fn aim(view: &View<'_>, from: Spot, target: Target, random: &mut Random) -> Option<Area> {
     let settings = view.settings;
     if settings.p_region == 0.0 && settings.corner == 0.0 {
-        return Some(Area::Between(from, target.at, 0.0)); // C-2
+        return Some(Area::Between(from.at, target.at, 0.0)); // C-2
     }
-    let next = view.system.first_leg(from, target.at, target.fixed)?.to;
+    let leg = super::passage::first_leg(view, &from, target);
+    let leg = leg.or_else(|| view.system.first_leg(from.at, target.at, target.fixed));
+    let next = leg?.to;
     let margin = settings.corner * view.system.bounds().side();
+    if let Some(part) = super::passage::stopover(view, &from, next)
+        && chance(random, settings.p_region)
+    {
+        return Some(Area::Along(part));
+    }
     if next != target.at {
         return Some(if settings.corner > 0.0 {
-            Area::Between(next, next, margin)
+            Area::Corner(next)
         } else {
-            Area::Between(from, target.at, 0.0)
+            Area::Between(from.at, target.at, 0.0)
         });
     }
-    if let Some(letter) = target.letter {
-        let there = view.system.settle(target.at);
-        let open = there.is_some_and(|t| view.system.step(&view.tree.spot(closest), &t));
-        let share = if open { 1.0 } else { BARRED_SHARE };
-        if chance(random, share * settings.p_region) {
-            return Some(Area::Region(letter));
+    if let Some(letter) = target.letter
+        && chance(random, settings.p_region)
+    {
+        return Some(Area::Region(letter));
+    }
+    Some(Area::Between(from.at, target.at, margin))
+}
+
+/// A point of the square around a corner that can be reached from a place by one leg, if one is found soon.
+fn in_corner(
+    guide: Option<&Guide>,
+    view: &View<'_>,
+    from: Spot,
+    corner: Point2<f64>,
+    random: &mut Random,
+) -> Option<Point2<f64>> {
+    let margin = view.settings.corner * view.system.bounds().side();
+    let mut last = None;
+    for _ in 0..CORNER_TRIES {
+        let at = in_rectangle(guide, view, corner, corner, margin, random)?;
+        last = Some(at);
+        if let Some(there) = view.system.settle(at)
+            && view.system.step(&from, &there)
+        {
+            break;
         }
     }
-    Some(Area::Between(from, target.at, margin))
+    last
 }
 
 /// A point of the space with a letter, where the heatmap prefers it.

@@ -7,10 +7,9 @@
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap};
 
-use nalgebra::Point2;
-
 use super::View;
 use super::choices::Target;
+use super::passage::{Passages, Step, first_leg};
 use crate::automaton::StateId;
 use crate::planner::tree::NodeId;
 
@@ -27,7 +26,10 @@ const WEARINESS: f64 = 0.03;
 
 /// The nodes that were looked at, by automaton state and target.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Leads(HashMap<(StateId, [u64; 2]), Queue>);
+pub(crate) struct Leads {
+    queues: HashMap<(StateId, Step, [u64; 2]), Queue>,
+    pub(super) passages: Passages,
+}
 
 #[derive(Clone, Debug, Default)]
 struct Queue {
@@ -73,29 +75,31 @@ impl Eq for Lead {}
 pub(super) fn choose(view: &View<'_>, drawn: NodeId, target: Target) -> NodeId {
     let state = view.tree.state(drawn);
     let side = view.system.bounds().side();
-    let mut leads = view.tree.leads().borrow_mut();
-    let key = (state, [target.at.x.to_bits(), target.at.y.to_bits()]);
-    let queue = leads.0.entry(key).or_default();
+    let at = [target.at.x.to_bits(), target.at.y.to_bits()];
+    let key = (state, target.step, at);
+    let known = view.tree.leads().borrow_mut().queues.remove(&key);
+    let mut queue = known.unwrap_or_default();
     let nodes = view.tree.in_state(state);
     for &node in nodes.iter().skip(queue.seen).take(AT_ONCE) {
         queue.seen += 1;
-        if let Some(left) = left(view, node, target.at) {
+        if let Some(left) = left(view, node, target) {
             queue.nodes.push(Lead { left, node });
         }
     }
-    let Some(mut lead) = queue.nodes.peek_mut() else {
-        return drawn;
-    };
-    lead.left += WEARINESS * side;
-    lead.node
+    let chosen = queue.nodes.peek_mut().map(|mut lead| {
+        lead.left += WEARINESS * side;
+        lead.node
+    });
+    view.tree.leads().borrow_mut().queues.insert(key, queue);
+    chosen.unwrap_or(drawn)
 }
 
 /// The way left from a node to a place, with a surcharge if it takes more than one leg.
-fn left(view: &View<'_>, node: NodeId, to: Point2<f64>) -> Option<f64> {
+fn left(view: &View<'_>, node: NodeId, target: Target) -> Option<f64> {
     let spot = view.tree.spot(node);
-    let leg = view.system.first_leg(spot.at, to, true)?;
-    let there = view.system.settle(to)?;
-    let open = leg.to == to && view.system.step(&spot, &there);
+    let leg = first_leg(view, &spot, target)?;
+    let there = view.system.settle(target.at)?;
+    let open = leg.to == target.at && view.system.step(&spot, &there);
     let surcharge = if open { 0.0 } else { DETOUR };
     Some(leg.length + surcharge * view.system.bounds().side())
 }

@@ -126,15 +126,17 @@ pub(crate) enum Aim {
 
 impl View<'_> {
     /// ρ from a node to the state `goal`. In a suffix the root itself still has the whole cycle
-    /// to go.
+    /// to go, and so has every node in that state where the automaton cannot wait there until the end of the way.
     fn to_go(&self, node: NodeId, goal: StateId) -> u32 {
         self.state_to_go(self.tree.state(node), goal, self.tree.is_at_root(node))
     }
 
     fn state_to_go(&self, state: StateId, goal: StateId, at_root: bool) -> u32 {
         let rho: &Distances = &self.task.distances;
+        let waits = || self.task.nba.guard(goal, goal).is_some();
         match self.aim {
-            Aim::Suffix { .. } if at_root => rho.get(state, goal),
+            Aim::Suffix { .. } if at_root || !waits() => rho.get(state, goal),
+            Aim::Reach { .. } if !waits() => rho.get(state, goal),
             _ => rho.to_go(state, goal),
         }
     }

@@ -80,7 +80,9 @@ pub(super) fn destination(
         step: Step { from: goal, goal },
     });
     let around = matches!(view.aim, Aim::Suffix { .. }) && at_root;
-    if end.is_some() && state == goal && !around {
+    let waits = view.task.nba.guard(goal, goal);
+    let waits = waits.is_some_and(|g| g.contains(spot.letter));
+    if end.is_some() && state == goal && waits && !around {
         // The automaton's part is done: what is left is the way to the end.
         let target = end;
         return Some(Destination { closest, target });
@@ -183,9 +185,8 @@ fn first_successor(
     random: &mut Random,
 ) -> Option<StateId> {
     let rho = &view.task.distances;
-    // The suffix's root is in the goal state and has the whole cycle to go; staying in the
-    // goal state there is no progress.
-    let leaving = matches!(view.aim, Aim::Suffix { .. }) && state == goal;
+    // In the goal state, but not at the end of the way, the whole cycle is to go; staying there is no progress.
+    let leaving = !matches!(view.aim, Aim::Prefix { .. }) && state == goal;
     let before = if leaving {
         rho.get(goal, goal)
     } else {

@@ -22,6 +22,9 @@ const CANDIDATES: usize = 4;
 /// Points around a corner that are looked at to find one that a leg leads to.
 const CORNER_TRIES: usize = 8;
 
+/// The squares around a corner get smaller by up to so many powers of two.
+const SIZES: f64 = 6.0;
+
 /// Cells of the frame when there is no heatmap.
 const SIDE: usize = 200;
 
@@ -56,8 +59,12 @@ pub(super) fn draw(guide: Option<&Guide>, view: &View<'_>, random: &mut Random) 
         Area::Region(letter) => in_region(guide, view, letter, random),
         Area::Between(a, b, margin) => in_rectangle(guide, view, a, b, margin, random)?,
         Area::Along([a, b]) => a + (b - a) * unit(random),
-        Area::Corner(corner) => in_corner(guide, view, from, corner, random)?,
+        Area::Corner(corner) => in_corner(guide, view, from, target, corner, random)?,
     };
+    if std::env::var_os("DBG").is_some() {
+        let t = target;
+        eprintln!("state {:?} at {:.3?} letter {:?} -> step {:?} target {:.3?} letter {:?} leg {:?} : draw {:.3?}", view.tree.state(closest), from.at, from.letter, t.step, t.at, t.letter, super::passage::first_leg(view,&from,t).map(|l|(l.to,l.length)), at);
+    }
     Some(Draw {
         at,
         closest: Some(closest),
@@ -106,26 +113,32 @@ fn aim(view: &View<'_>, from: Spot, target: Target, random: &mut Random) -> Opti
     Some(Area::Between(from.at, target.at, margin))
 }
 
-/// A point of the square around a corner that can be reached from a place by one leg, if one is found soon.
+/// A point near a corner that one leg leads to: of some that are drawn from squares of all sizes around the corner the one
+/// with the shortest way left.
 fn in_corner(
     guide: Option<&Guide>,
     view: &View<'_>,
     from: Spot,
+    target: Target,
     corner: Point2<f64>,
     random: &mut Random,
 ) -> Option<Point2<f64>> {
-    let margin = view.settings.corner * view.system.bounds().side();
+    let side = view.system.bounds().side();
     let mut last = None;
+    let mut best: Option<(f64, Point2<f64>)> = None;
     for _ in 0..CORNER_TRIES {
+        let margin = view.settings.corner * side * libm::exp2(-SIZES * unit(random));
         let at = in_rectangle(guide, view, corner, corner, margin, random)?;
         last = Some(at);
         if let Some(there) = view.system.settle(at)
             && view.system.step(&from, &there)
+            && let Some(leg) = super::passage::first_leg(view, &there, target)
+            && best.is_none_or(|(left, _)| leg.length < left)
         {
-            break;
+            best = Some((leg.length, at));
         }
     }
-    last
+    best.map(|b| b.1).or(last)
 }
 
 /// A point of the space with a letter, where the heatmap prefers it.

@@ -94,9 +94,14 @@ pub(super) fn choose(view: &View<'_>, drawn: NodeId, target: Target) -> NodeId {
     chosen.unwrap_or(drawn)
 }
 
-/// The way left from a node to a place, with a surcharge if it takes more than one leg.
+/// The way left from a node to another place, with a surcharge if it takes more than one leg.
 fn left(view: &View<'_>, node: NodeId, target: Target) -> Option<f64> {
     let spot = view.tree.spot(node);
+    let state = view.tree.state(node);
+    let mut steps = view.task.nba.successors(state, spot.letter);
+    if spot.at == target.at || !steps.any(|q| q == target.step.from) {
+        return None; // it is there, or its letter leads the automaton elsewhere
+    }
     let leg = first_leg(view, &spot, target)?;
     let there = view.system.settle(target.at)?;
     let open = leg.to == target.at && view.system.step(&spot, &there);

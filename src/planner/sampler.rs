@@ -133,12 +133,17 @@ impl View<'_> {
 
     fn state_to_go(&self, state: StateId, goal: StateId, at_root: bool) -> u32 {
         let rho: &Distances = &self.task.distances;
-        let waits = || self.task.nba.guard(goal, goal).is_some();
         match self.aim {
-            Aim::Suffix { .. } if at_root || !waits() => rho.get(state, goal),
-            Aim::Reach { .. } if !waits() => rho.get(state, goal),
+            Aim::Suffix { .. } if at_root => rho.get(state, goal),
+            Aim::Suffix { .. } | Aim::Reach { .. } if !self.waits(goal) => rho.get(state, goal),
             _ => rho.to_go(state, goal),
         }
+    }
+
+    /// Whether the automaton's part is done at the accepting state `goal`, wherever the robot is: it looks for no way
+    /// to an end, or the automaton can wait there on some letter.
+    fn waits(&self, goal: StateId) -> bool {
+        matches!(self.aim, Aim::Prefix { .. }) || self.task.nba.guard(goal, goal).is_some()
     }
 }
 

@@ -88,8 +88,11 @@ pub(super) fn destination(
         return Some(Destination { closest, target });
     }
     let first = first_successor(view, state, spot.letter, goal, preference, random)?;
-    if first == goal {
-        // Any move from here completes the automaton's part.
+    // Any move from here completes the automaton's part; but where it cannot wait at the goal until the robot is at the
+    // end of the way, that has to be this very move.
+    let there = || end.and_then(|end| view.system.settle(end.at));
+    let at_end = || there().is_some_and(|there| view.system.step(&spot, &there));
+    if first == goal && (view.waits(goal) || at_end()) {
         let target = end;
         return Some(Destination { closest, target });
     }

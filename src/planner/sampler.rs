@@ -2,6 +2,7 @@
 
 mod biased;
 mod choices;
+mod closing;
 mod guided;
 mod heat;
 pub(crate) mod leads;
@@ -13,11 +14,12 @@ use nalgebra::Point2;
 
 use super::settings::Settings;
 use super::tree::{NodeId, Tree};
-use crate::automaton::{Distances, StateId, Task};
+use crate::automaton::{StateId, Task};
 use crate::guidance::Guidance;
 use crate::random::Random;
 use crate::system::TransitionSystem;
 
+use closing::Closing;
 pub use heat::{GuidanceError, HeatmapSums};
 
 /// Which strategy proposes points.
@@ -125,18 +127,39 @@ pub(crate) enum Aim {
 }
 
 impl View<'_> {
-    /// ρ from a node to the state `goal`. In a suffix the root itself still has the whole cycle
-    /// to go, and so has every node in that state where the automaton cannot wait there until the end of the way.
+    /// The steps that the automaton is from the accepting state `goal`: ρ, but in a suffix those of a cycle from its
+    /// root, and the last one beside it where the automaton cannot wait for the robot.
     fn to_go(&self, node: NodeId, goal: StateId) -> u32 {
-        self.state_to_go(self.tree.state(node), goal, self.tree.is_at_root(node))
+        let state = self.tree.state(node);
+        if self.tree.is_at_root(node) && matches!(self.aim, Aim::Suffix { .. }) {
+            self.around(state, goal)
+        } else {
+            self.left(state, goal)
+        }
     }
 
-    fn state_to_go(&self, state: StateId, goal: StateId, at_root: bool) -> u32 {
-        let rho: &Distances = &self.task.distances;
+    /// As [`Self::to_go`] for places other than the root.
+    fn left(&self, state: StateId, goal: StateId) -> u32 {
+        if state == goal && self.waits(goal) {
+            0
+        } else {
+            self.around(state, goal)
+        }
+    }
+
+    /// As [`Self::left`], but those of a whole cycle from the goal itself.
+    fn around(&self, state: StateId, goal: StateId) -> u32 {
+        match self.closing() {
+            Some(closing) => closing.steps(state),
+            None => self.task.distances.get(state, goal),
+        }
+    }
+
+    /// What closes the cycle, if that takes more than ρ tells.
+    fn closing(&self) -> Option<Arc<Closing>> {
         match self.aim {
-            Aim::Suffix { .. } if at_root => rho.get(state, goal),
-            Aim::Suffix { .. } | Aim::Reach { .. } if !self.waits(goal) => rho.get(state, goal),
-            _ => rho.to_go(state, goal),
+            Aim::Suffix { state, .. } => self.tree.leads().borrow_mut().closing(self, state),
+            _ => None,
         }
     }
 

@@ -8,9 +8,10 @@ use nalgebra::Point2;
 use rand::RngExt;
 use smallvec::SmallVec;
 
+use super::closing::Closing;
 use super::passage::Step;
 use super::{Aim, View};
-use crate::alphabet::Letter;
+use crate::alphabet::{Letter, LetterSet};
 use crate::automaton::{Distances, StateId};
 use crate::planner::tree::NodeId;
 use crate::random::{Random, chance, choose, unit, weighted};
@@ -87,12 +88,13 @@ pub(super) fn destination(
         let target = end;
         return Some(Destination { closest, target });
     }
-    let first = first_successor(view, state, spot.letter, goal, preference, random)?;
-    // Any move from here completes the automaton's part; but where it cannot wait at the goal until the robot is at the
-    // end of the way, that has to be this very move.
+    // Where it cannot wait at the goal, the automaton's part is done there by a move to the end of the way alone.
     let there = || end.and_then(|end| view.system.settle(end.at));
     let at_end = || there().is_some_and(|there| view.system.step(&spot, &there));
-    if first == goal && (view.waits(goal) || at_end()) {
+    let done = view.waits(goal) || at_end();
+    let first = first_successor(view, (state, spot.letter), (goal, done), preference, random)?;
+    if first == goal && done {
+        // Any move from here completes the automaton's part.
         let target = end;
         return Some(Destination { closest, target });
     }
@@ -181,27 +183,19 @@ fn draw_node(
 /// the goal than it was; among those the nearest.
 fn first_successor(
     view: &View<'_>,
-    state: StateId,
-    letter: Letter,
-    goal: StateId,
+    (state, letter): (StateId, Letter),
+    (goal, done): (StateId, bool),
     preference: Preference<'_>,
     random: &mut Random,
 ) -> Option<StateId> {
-    let rho = &view.task.distances;
     // In the goal state, but not at the end of the way, the whole cycle is to go; staying there is no progress.
     let leaving = !matches!(view.aim, Aim::Prefix { .. }) && state == goal;
-    let before = if leaving {
-        rho.get(goal, goal)
-    } else {
-        rho.to_go(state, goal)
+    let to_go = |q: StateId| match q == goal && done && !leaving {
+        true => 0,
+        false if leaving => view.around(q, goal),
+        false => view.left(q, goal),
     };
-    let to_go = |q: StateId| {
-        if leaving {
-            rho.get(q, goal)
-        } else {
-            rho.to_go(q, goal)
-        }
-    };
+    let before = to_go(state);
     let allowed: SmallVec<[StateId; 16]> = view
         .task
         .nba
@@ -228,15 +222,24 @@ fn second_successor(
     preference: Preference<'_>,
     random: &mut Random,
 ) -> Option<StateId> {
-    let rho = &view.task.distances;
-    let before = rho.get(first, goal);
+    let before = view.around(first, goal);
+    let closing = view.closing();
+    // The goal's own steps are those of a cycle, unless this step closes it.
+    let to_go = |q: StateId, guard: &LetterSet| {
+        let closes = |c: &Closing| !c.letters().is_disjoint(guard);
+        match closing.as_deref() {
+            Some(closing) if q == goal && closes(closing) => 0,
+            Some(closing) => closing.steps(q),
+            None => view.task.distances.to_go(q, goal),
+        }
+    };
     let closer: SmallVec<[StateId; 16]> = view
         .task
         .nba
         .outgoing(first)
         .iter()
+        .filter(|t| to_go(t.target, &t.guard) < before)
         .map(|t| t.target)
-        .filter(|&q| rho.to_go(q, goal) < before)
         .collect();
     preference.pick(random, &closer)
 }
@@ -261,6 +264,12 @@ fn target_of_edge(
     if guard.contains(here) {
         return None;
     }
+    let closing = view.closing().filter(|_| second == goal);
+    let closes = |l: &Letter| closing.as_ref().is_none_or(|c| c.letters().contains(*l));
+    let letters: SmallVec<[Letter; 32]> = match letters.iter().any(closes) {
+        true => letters.into_iter().filter(closes).collect(),
+        false => letters,
+    };
     let &letter = choose(random, &letters)?;
     if free(letter) {
         return Some(Target {

@@ -6,8 +6,10 @@
 
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap};
+use std::sync::Arc;
 
 use super::View;
+use super::closing::Closing;
 use super::choices::Target;
 use super::passage::{Passages, Step, first_leg};
 use crate::automaton::StateId;
@@ -29,6 +31,19 @@ const WEARINESS: f64 = 0.03;
 pub(crate) struct Leads {
     queues: HashMap<(StateId, Step, [u64; 2]), Queue>,
     pub(super) passages: Passages,
+    /// Once it was asked for.
+    closing: Option<Option<Arc<Closing>>>,
+}
+
+impl Leads {
+    /// What closes a cycle through the root of this tree.
+    pub(super) fn closing(&mut self, view: &View<'_>, root: StateId) -> Option<Arc<Closing>> {
+        let found = self.closing.get_or_insert_with(|| {
+            let (nba, letter) = (&view.task.nba, view.tree.root().letter);
+            Closing::new(nba, view.system.alphabet(), root, letter).map(Arc::new)
+        });
+        found.clone()
+    }
 }
 
 #[derive(Clone, Debug, Default)]

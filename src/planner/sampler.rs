@@ -155,6 +155,15 @@ impl View<'_> {
         }
     }
 
+    /// Whether some way is known, and cheaper ones are looked for.
+    fn is_improving(&self) -> bool {
+        match self.aim {
+            Aim::Prefix { reached } => reached,
+            Aim::Suffix { closed, .. } => closed,
+            Aim::Reach { .. } => false,
+        }
+    }
+
     /// What closes the cycle, if that takes more than ρ tells.
     fn closing(&self) -> Option<Arc<Closing>> {
         match self.aim {

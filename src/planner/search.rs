@@ -263,16 +263,25 @@ impl<'a> Search<'a> {
     }
 
     /// The goal without a suffix tree whose plan could be cheapest, if any could be better than
-    /// the best plan.
+    /// the best plan. Every second one is of a kind that has the fewest trees: cycles through one accepting state, or one
+    /// region, may be long or impossible whatever the goal, and through another one short.
     fn most_promising_goal(&self) -> Option<NodeId> {
-        let cost = |g: &NodeId| self.prefix.cost(*g) + self.detour(*g);
-        let unopened = |g: &&NodeId| !self.suffix_of.contains_key(*g);
-        self.open_goals
-            .iter()
-            .filter(unopened)
-            .filter(|&&g| self.can_improve(self.prefix.cost(g)))
-            .min_by(|a, b| cost(a).total_cmp(&cost(b)).then(a.cmp(b)))
-            .copied()
+        let kind = |g: NodeId| (self.prefix.state(g), self.prefix.spot(g).letter);
+        let mut trees: HashMap<_, usize> = HashMap::new();
+        if !self.suffixes.len().is_multiple_of(2) {
+            for suffix in &self.suffixes {
+                *trees.entry(kind(suffix.goal)).or_default() += 1;
+            }
+        }
+        let trees = |g: NodeId| trees.get(&kind(g)).copied().unwrap_or(0);
+        let cost = |g: NodeId| self.prefix.cost(g) + self.detour(g);
+        let unopened = |g: &NodeId| !self.suffix_of.contains_key(g);
+        let goals = self.open_goals.iter().copied().filter(unopened);
+        goals
+            .filter(|&g| self.can_improve(self.prefix.cost(g)))
+            .map(|g| (trees(g), cost(g), g))
+            .min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)))
+            .map(|(_, _, g)| g)
     }
 
     /// By how much the best suffix would get longer (or, negative, shorter) if it passed the given

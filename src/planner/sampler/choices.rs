@@ -16,6 +16,9 @@ use crate::automaton::{Distances, StateId};
 use crate::planner::tree::NodeId;
 use crate::random::{Random, chance, choose, unit, weighted};
 
+/// Share of steps, once a plan is known, that need not bring the automaton closer to its goal.
+const ELSEWHERE: f64 = 0.2;
+
 /// How a choice among automaton states is made.
 #[derive(Clone, Copy)]
 pub(super) struct Preference<'a> {
@@ -138,11 +141,7 @@ fn closest_node(
             levels.push((distance, state));
         }
     }
-    let improving = matches!(
-        view.aim,
-        Aim::Prefix { reached: true } | Aim::Suffix { closed: true, .. }
-    );
-    let level = if improving {
+    let level = if view.is_improving() {
         choose(random, &levels)?.0
     } else {
         levels.iter().map(|l| l.0).min()?
@@ -214,7 +213,8 @@ fn first_successor(
     choose(random, &nearest).copied()
 }
 
-/// S-3, second half: a state after `first`, strictly closer to the goal.
+/// S-3, second half: a state after `first`, strictly closer to the goal. Once a plan is known, now and then any from which
+/// the goal can be reached (ours): more steps of the automaton may be a shorter way.
 fn second_successor(
     view: &View<'_>,
     first: StateId,
@@ -233,15 +233,16 @@ fn second_successor(
             None => view.task.distances.to_go(q, goal),
         }
     };
-    let closer: SmallVec<[StateId; 16]> = view
-        .task
-        .nba
-        .outgoing(first)
-        .iter()
-        .filter(|t| to_go(t.target, &t.guard) < before)
-        .map(|t| t.target)
-        .collect();
-    preference.pick(random, &closer)
+    let steps = view.task.nba.outgoing(first).iter();
+    let to = |least: u32| -> SmallVec<[StateId; 16]> {
+        let steps = steps.clone();
+        let closer = steps.filter(|t| to_go(t.target, &t.guard) < least);
+        closer.map(|t| t.target).filter(|&q| q != first).collect()
+    };
+    if view.is_improving() && chance(random, ELSEWHERE) {
+        return preference.pick(random, &to(Distances::INFINITE));
+    }
+    preference.pick(random, &to(before))
 }
 
 /// S-4: a point whose letter lets the automaton step from `first` to `second`. One letter is

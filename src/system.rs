@@ -102,6 +102,10 @@ pub trait TransitionSystem: Send + Sync {
         }
     }
 
+    /// Forgets what was found out about shortest ways. It would be found again; searches whose times are compared should
+    /// not profit from each other.
+    fn forget(&self) {}
+
     /// In a system of finitely many places: puts every place that one move from `from` leads to
     /// (staying left out) into `into` and returns `true`. `false` where places are infinitely many; then
     /// the cost of a move is its Euclidean length.

@@ -89,13 +89,13 @@ impl Default for Settings {
             neighbours: 4.5,
             range: None,
             p_closest: 0.9,
-            y_rand: 0.8,
+            y_rand: 0.95,
             p_target: 0.05,
             distance_deviation: 1.0 / 3.0,
             angle_deviation: std::f64::consts::PI / 108.0,
-            alpha: 0.8,
-            lead: 0.9,
-            p_region: 0.9,
+            alpha: 0.95,
+            lead: 0.95,
+            p_region: 0.98,
             corner: 0.04,
         }
     }
@@ -114,10 +114,12 @@ pub struct SettingsError {
 }
 
 impl Settings {
-    /// These settings with C-1 and C-2 exactly as in `nngtl.md`, IV-A.
+    /// These settings with C-1 and C-2 exactly as in `nngtl.md`, IV-A, and with the paper's y_rand and α (V-B).
     #[must_use]
     pub fn paper_rule(self) -> Self {
         Self {
+            y_rand: 0.8,
+            alpha: 0.8,
             lead: 0.0,
             p_region: 0.0,
             corner: 0.0,

@@ -178,9 +178,9 @@ impl Continuous {
         if barred.is_empty() || self.graph().corners().count() > MAX_CORNERS {
             return None;
         }
-        let obstacles = map.obstacles().iter().cloned().chain(barred).collect();
-        let rest = Workspace::new(map.bounds(), obstacles, Vec::new()).ok()?;
-        Some(Ways::new(VisibilityGraph::new(Arc::new(rest))))
+        Some(Ways::new(VisibilityGraph::new(Arc::new(
+            map.barred(barred),
+        ))))
     }
 }
 
@@ -271,6 +271,10 @@ impl TransitionSystem for Continuous {
         to: Point2<f64>,
         through: &LetterSet,
     ) -> Option<Leg> {
+        if self.map().passes(from, to, through) {
+            let length = (to - from).norm();
+            return Some(Leg { to, length });
+        }
         let Some(ways) = self.around(through) else {
             return self.first_leg(from, to, true);
         };
@@ -287,6 +291,16 @@ impl TransitionSystem for Continuous {
             return visit(to);
         }
         self.ways.paths_to(to).bends(self.graph(), from, visit);
+    }
+
+    fn forget(&self) {
+        *self
+            .ways
+            .known
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner) = Known::default();
+        let mut around = self.around.lock().unwrap_or_else(PoisonError::into_inner);
+        around.clear();
     }
 
     fn part(&self, spot: &Spot) -> Option<u32> {

@@ -227,6 +227,27 @@ impl Workspace {
         Ok(workspace)
     }
 
+    /// The same map with more obstacles and without regions, for shortest ways alone: it knows no cells, so that nothing can be
+    /// drawn from it.
+    #[must_use]
+    pub(crate) fn barred(&self, more: impl IntoIterator<Item = Polygon>) -> Self {
+        let mut obstacles = self.obstacles.clone();
+        obstacles.extend(more);
+        Self {
+            obstacle_index: PolygonIndex::new(obstacles.iter(), 4.0 * self.tolerance),
+            region_index: PolygonIndex::new(std::iter::empty(), self.tolerance),
+            cells: vec![Vec::new(); self.alphabet.len()],
+            parts: Vec::new(),
+            areas: Vec::new(),
+            bounds: self.bounds,
+            obstacles,
+            obstacle_names: Vec::new(),
+            regions: Vec::new(),
+            alphabet: Arc::clone(&self.alphabet),
+            tolerance: self.tolerance,
+        }
+    }
+
     /// The rectangle that the robot moves in.
     #[must_use]
     pub fn bounds(&self) -> Bounds {

@@ -4,7 +4,7 @@ use nalgebra::{Point2, Vector2};
 use smallvec::SmallVec;
 
 use super::{Place, Side, Workspace};
-use crate::alphabet::{Letter, Props};
+use crate::alphabet::{Letter, LetterSet, Props};
 
 /// A piece of a segment along which the letter stays the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -199,6 +199,16 @@ impl Workspace {
         changes <= 1
     }
 
+    /// Whether the segment `ab` is free and meets letters of a set alone; its ends are known to be free.
+    #[must_use]
+    pub(crate) fn passes(&self, a: Point2<f64>, b: Point2<f64>, through: &LetterSet) -> bool {
+        let Some(from) = self.letter_at(a).filter(|_| !self.is_obstructed(a, b)) else {
+            return false;
+        };
+        let stretches = self.stretches(a, b, from);
+        stretches.is_ok_and(|found| found.iter().all(|s| through.contains(s.letter)))
+    }
+
     /// The part of the segment `ab` along which the letter has changed once, if it changes again before `b`: as parameters
     /// from 0 at `a` to 1 at `b`. Ends as for [`Self::step_between`].
     #[must_use]
@@ -214,7 +224,10 @@ impl Workspace {
             start: 1.0,
             letter: to,
         }];
-        let mut rest = stretches.iter().chain(&end).skip_while(|s| s.letter == from);
+        let mut rest = stretches
+            .iter()
+            .chain(&end)
+            .skip_while(|s| s.letter == from);
         let second = rest.next()?;
         let third = rest.find(|s| s.letter != second.letter)?;
         Some([second.start, third.start])

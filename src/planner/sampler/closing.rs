@@ -62,32 +62,56 @@ impl Closing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::automaton::{Limits, Task};
+    use crate::automaton::Transition;
     use std::sync::Arc;
+
+    /// From the root by any letter to 1, which waits, and back on b, or on b to 2, which waits, and back on a.
+    fn two_ways_around() -> (Nba, Arc<Alphabet>) {
+        let names = ["a", "b"].map(str::to_owned).to_vec();
+        let alphabet = Arc::new(Alphabet::disjoint(names).unwrap());
+        let (any, a, b) = (
+            alphabet.all(),
+            alphabet.letters_with(0),
+            alphabet.letters_with(1),
+        );
+        let to = |target, guard: &LetterSet| Transition {
+            target: StateId(target),
+            guard: guard.clone(),
+        };
+        let nba = Nba {
+            initial: vec![StateId(0)],
+            accepting: vec![true, false, false],
+            transitions: vec![
+                vec![to(1, &any)],
+                vec![to(0, &b), to(1, &any), to(2, &b)],
+                vec![to(0, &a), to(2, &any)],
+            ],
+            alphabet: Arc::clone(&alphabet),
+        };
+        (nba, alphabet)
+    }
 
     #[test]
     fn a_cycle_closes_beside_its_root() {
-        let names = ["a", "b"].map(str::to_owned).to_vec();
-        let alphabet = Arc::new(Alphabet::disjoint(names).unwrap());
-        let formula = "G F a && G F b".parse().unwrap();
-        let task = Task::from_formula(&formula, Arc::clone(&alphabet), &Limits::default()).unwrap();
-        let nba = &task.nba;
-        let a = alphabet.letters_with(0).iter().next().unwrap();
-        let mut seen = 0;
-        for root in nba.states().filter(|&q| nba.guard(q, q).is_none()) {
-            let Some(closing) = Closing::new(nba, &alphabet, root, a) else {
-                continue;
-            };
-            seen += 1;
-            let b = alphabet.letters_with(1);
-            assert!(closing.letters().is_disjoint(&b), "no leg leads from b into a");
-            for q in nba.states() {
-                // Never nearer than the automaton alone has it.
-                assert!(closing.steps(q) >= task.distances.get(q, root));
-                let last = nba.guard(q, root).is_some_and(|g| !g.is_subset(&b));
-                assert_eq!(closing.steps(q) == 1, last);
-            }
-        }
-        assert!(seen > 0);
+        let (nba, alphabet) = two_ways_around();
+        let (a, b) = (alphabet.letters_with(0), alphabet.letters_with(1));
+        let at = |set: &LetterSet| set.iter().next().unwrap();
+        let steps = |here| {
+            let closing = Closing::new(&nba, &alphabet, StateId(0), here).unwrap();
+            [0, 1, 2].map(|q| closing.steps(StateId(q)))
+        };
+        // No leg leads from b into a, so that with the root in a the way back on b is none.
+        assert_eq!(steps(at(&a)), [3, 2, 1]);
+        assert_eq!(steps(at(&b)), [2, 1, 3]);
+        let beside = Closing::new(&nba, &alphabet, StateId(0), at(&a)).unwrap();
+        assert!(beside.letters().is_disjoint(&b) && !beside.letters().is_disjoint(&a));
+    }
+
+    #[test]
+    fn where_the_automaton_waits_any_place_will_do() {
+        let (nba, alphabet) = two_ways_around();
+        let free = alphabet.letters_with(0).complement();
+        let free = free.iter().next().unwrap();
+        assert!(Closing::new(&nba, &alphabet, StateId(1), free).is_none());
     }
 }

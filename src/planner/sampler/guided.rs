@@ -61,10 +61,6 @@ pub(super) fn draw(guide: Option<&Guide>, view: &View<'_>, random: &mut Random) 
         Area::Along([a, b]) => a + (b - a) * unit(random),
         Area::Corner(corner) => in_corner(guide, view, from, target, corner, random)?,
     };
-    if std::env::var_os("DBG").is_some() {
-        let t = target;
-        eprintln!("state {:?} at {:.3?} letter {:?} -> step {:?} target {:.3?} letter {:?} leg {:?} : draw {:.3?}", view.tree.state(closest), from.at, from.letter, t.step, t.at, t.letter, super::passage::first_leg(view,&from,t).map(|l|(l.to,l.length)), at);
-    }
     Some(Draw {
         at,
         closest: Some(closest),

@@ -9,8 +9,8 @@ use std::collections::{BinaryHeap, HashMap};
 use std::sync::Arc;
 
 use super::View;
-use super::closing::Closing;
 use super::choices::Target;
+use super::closing::Closing;
 use super::passage::{Passages, Step, first_leg};
 use crate::automaton::StateId;
 use crate::planner::tree::NodeId;

@@ -18,13 +18,27 @@ fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Polygon {
 
 /// "Visit a", with the start in the lower left and the region in the lower right.
 fn world(obstacles: Vec<Polygon>) -> (Continuous, Task) {
-    let regions = vec![Region {
+    world_with(obstacles, None, false)
+}
+
+/// The same with another region b, which must not be entered before a if it is `barred`.
+fn world_with(obstacles: Vec<Polygon>, b: Option<Polygon>, barred: bool) -> (Continuous, Task) {
+    let a = Region {
         name: "a".to_owned(),
         polygon: rectangle(0.8, 0.1, 0.9, 0.2),
-    }];
+    };
+    let b = b.map(|polygon| Region {
+        name: "b".to_owned(),
+        polygon,
+    });
+    let regions = std::iter::once(a).chain(b).collect();
     let map = Workspace::new(Bounds::unit(), obstacles, regions).unwrap();
     let alphabet = Arc::clone(map.alphabet());
     let there = alphabet.letters_with(alphabet.proposition("a").unwrap());
+    let mut waits = there.complement();
+    if barred && let Some(b) = alphabet.proposition("b") {
+        waits.subtract(&alphabet.letters_with(b));
+    }
     let to = |target, guard| Transition {
         target: StateId(target),
         guard,
@@ -33,7 +47,7 @@ fn world(obstacles: Vec<Polygon>) -> (Continuous, Task) {
         initial: vec![StateId(0)],
         accepting: vec![false, true],
         transitions: vec![
-            vec![to(0, there.complement()), to(1, there)],
+            vec![to(0, waits), to(1, there)],
             vec![to(1, alphabet.all())],
         ],
         alphabet,
@@ -81,6 +95,14 @@ fn mostly_directed() -> Settings {
     }
 }
 
+fn by_the_paper() -> Settings {
+    Settings {
+        y_rand: 0.99,
+        alpha: 0.99,
+        ..Settings::default().paper_rule()
+    }
+}
+
 fn share<T>(all: &[T], is: impl Fn(&T) -> bool) -> f64 {
     all.iter().filter(|x| is(x)).count() as f64 / all.len() as f64
 }
@@ -95,8 +117,7 @@ fn a_target_in_sight_is_drawn_from_its_region() {
     let found = draws(&world, &mostly_directed(), &Sampler::Directed, &[]);
     let hits = share(&found, |d| within(d.0, p(0.85, 0.15), 0.05));
     assert!(hits > 0.8, "{hits} of the points lie in the region");
-    let paper = mostly_directed().paper_rule();
-    let found = draws(&world, &paper, &Sampler::Directed, &[]);
+    let found = draws(&world, &by_the_paper(), &Sampler::Directed, &[]);
     let hits = share(&found, |d| within(d.0, p(0.85, 0.15), 0.05));
     assert!(
         hits < 0.4,
@@ -121,7 +142,7 @@ fn a_hidden_target_is_drawn_around_the_corner() {
             sampler.name()
         );
     }
-    let found = draws(&world, &settings.paper_rule(), &Sampler::Directed, &[]);
+    let found = draws(&world, &by_the_paper(), &Sampler::Directed, &[]);
     let above = share(&found, |d| d.0.y > 0.2);
     assert!(
         above < 0.1,
@@ -146,8 +167,63 @@ fn the_node_with_the_least_way_left_leads_and_tires() {
         5,
         "none brought anything new, so each had its turn"
     );
-    let paper = mostly_directed().paper_rule();
-    let found = draws(&world, &paper, &Sampler::Directed, &places);
+    let found = draws(&world, &by_the_paper(), &Sampler::Directed, &places);
     let first = share(&found, |d| d.1 == Some(ahead));
     assert!((first - 0.2).abs() < 0.05, "S-2 draws uniformly: {first}");
+}
+
+#[test]
+fn what_is_barred_is_gone_around() {
+    // Across the straight way to the target, open below.
+    let pond = rectangle(0.4, 0.05, 0.6, 0.9);
+    let barred = world_with(Vec::new(), Some(pond.clone()), true);
+    let found = draws(&barred, &mostly_directed(), &Sampler::Directed, &[]);
+    let below = share(&found, |d| within(d.0, p(0.4, 0.05), 0.05));
+    assert!(below > 0.9, "{below} lie around the pond's lower corner");
+    // Where the automaton may enter it, the leg across needs a stop inside.
+    let open = world_with(Vec::new(), Some(pond), false);
+    let found = draws(&open, &mostly_directed(), &Sampler::Directed, &[]);
+    let inside = share(&found, |d| (0.4..=0.6).contains(&d.0.x));
+    assert!(inside > 0.9, "{inside} lie in the pond");
+}
+
+#[test]
+fn a_gap_of_any_width_is_found() {
+    for gap in [0.03, 0.003, 0.0003] {
+        let walls = vec![
+            rectangle(0.4, gap, 0.42, 1.0),
+            rectangle(0.5, 0.0, 0.52, 1.0 - gap),
+        ];
+        let world = world(walls);
+        // Beside the first gap: what is needed lies behind it.
+        let ahead = p(0.38, gap / 2.0);
+        let found = draws(&world, &mostly_directed(), &Sampler::Directed, &[ahead]);
+        let behind = share(&found, |d| d.0.x > 0.42 && d.0.y < 0.1);
+        assert!(
+            behind > 0.05,
+            "{behind} of the points lie behind a gap of {gap}"
+        );
+    }
+}
+
+#[test]
+fn a_node_whose_letter_takes_another_step_does_not_lead() {
+    // a, then b, then a again; the region of b has nodes in the state that waits for b.
+    let world = {
+        let (system, _) = world_with(Vec::new(), Some(rectangle(0.4, 0.4, 0.5, 0.5)), false);
+        let alphabet = Arc::clone(system.map().alphabet());
+        let formula = "F (b && F a)".parse().unwrap();
+        let task = Task::from_formula(&formula, alphabet, &Default::default()).unwrap();
+        (system, task)
+    };
+    let (inside, beside) = (p(0.45, 0.45), p(0.38, 0.38));
+    let found = draws(
+        &world,
+        &mostly_directed(),
+        &Sampler::Directed,
+        &[inside, beside],
+    );
+    // The node inside has seen b: all that is left for it is a.
+    let wrong = share(&found, |d| d.1 == Some(inside) && within(d.0, inside, 0.05));
+    assert!(wrong < 0.05, "{wrong} go from b to b");
 }

@@ -408,7 +408,7 @@ pub(super) struct BenchArgs {
     /// With --gaps: certified lower bounds too, which take seconds a mission
     #[arg(long, requires = "gaps")]
     pub(super) bounds: bool,
-    /// Guided sampling exactly as in the paper (C-1 and C-2), without what nngtl adds
+    /// Guided sampling exactly as in the paper (C-1 and C-2, y_rand and α 0.8), without what nngtl adds
     #[arg(long)]
     pub(super) paper_rule: bool,
     #[command(flatten)]
@@ -430,7 +430,7 @@ pub(super) struct GuidedArgs {
     /// Guided: probability to extend the node with the least way left, not one drawn uniformly
     #[arg(long, value_name = "P", default_value_t = Settings::default().lead)]
     pub(super) lead: f64,
-    /// Guided: probability to draw from the target's region once a straight leg leads there
+    /// Guided: probability to draw from the target's region, or one on the way, once a straight leg leads there
     #[arg(long, value_name = "P", default_value_t = Settings::default().p_region)]
     pub(super) p_region: f64,
     /// Guided: half side of the square around the next corner of the shortest way, relative to the map's side

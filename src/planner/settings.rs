@@ -65,12 +65,12 @@ pub struct Settings {
     /// Probability that a guided sample extends the node with the least way left to the target instead of one
     /// drawn uniformly (ours; 0 is the paper's rule).
     pub lead: f64,
-    /// Probability that a guided point is drawn from the target's region once a straight leg leads there,
-    /// and not from the rectangle of C-2 (ours; 0 is the paper's rule).
+    /// Probability that a guided point is drawn from the target's region once a straight leg leads there, or from
+    /// the region that such a leg crosses, and not from the rectangle of C-2 (ours; 0 is the paper's rule).
     pub p_region: f64,
-    /// Where a wall hides the target, guided points come from a square around the corner at which the shortest way
-    /// bends; its half side, relative to the map's side. In sight, C-2's rectangle is grown by as much (ours; 0 is the
-    /// paper's rule).
+    /// Where a wall hides the target, guided points come from squares of all sizes around the corner at which the shortest way
+    /// bends; the largest one's half side, relative to the map's side. In sight, C-2's rectangle is grown by as much (ours; 0 is
+    /// the paper's rule).
     pub corner: f64,
 }
 

@@ -4,7 +4,8 @@
 //! than biased sampling, whatever the networks predict: a node drawn uniformly mostly has its target out
 //! of sight, a rectangle to a target behind a wall holds no way around, and few points of a
 //! rectangle lie in a small region. So each choice gets a share of its own: the node with the least way left
-//! ([`leads`](super::leads)), the corner where its shortest way bends, the region itself once a leg leads there.
+//! ([`leads`](super::leads)) as the automaton admits it ([`passage`](super::passage)), points around the corner where that way
+//! bends, in the regions that it crosses, and in the target's region once a leg leads there.
 //! `docs/guidance.md` has the measurements.
 
 use nalgebra::Point2;

@@ -263,6 +263,13 @@ impl<'a> Tree<'a> {
     #[must_use]
     pub fn path(&self, node: NodeId) -> Vec<Waypoint> {
         let mut path = Vec::new();
+        self.path_into(node, &mut path);
+        path
+    }
+
+    /// As [`Self::path`], written over what `path` holds.
+    pub(crate) fn path_into(&self, node: NodeId, path: &mut Vec<Waypoint>) {
+        path.clear();
         let mut next = node.0;
         while next != NONE {
             path.push(Waypoint {
@@ -272,7 +279,6 @@ impl<'a> Tree<'a> {
             next = self.nodes[next as usize].parent;
         }
         path.reverse();
-        path
     }
 
     /// Takes the list of nodes that were added or became cheaper since the last call.

@@ -116,7 +116,13 @@ fn closest_node(
     preference: Preference<'_>,
     random: &mut Random,
 ) -> Option<NodeId> {
-    let mut levels: SmallVec<[(u32, StateId); 32]> = SmallVec::new();
+    let mut kept = view.tree.leads().borrow_mut();
+    let (mut levels, mut candidates) = (
+        std::mem::take(&mut kept.levels),
+        std::mem::take(&mut kept.candidates),
+    );
+    drop(kept);
+    levels.clear();
     for state in view.task.nba.states() {
         let Some(&sample) = view.tree.in_state(state).last() else {
             continue;
@@ -127,24 +133,32 @@ fn closest_node(
             levels.push((distance, state));
         }
     }
+    let node = choose_level(view, &levels, random).and_then(|level| {
+        let mut take = |closest: bool| {
+            let wanted = levels.iter().filter(|l| (l.0 == level) == closest);
+            candidates.clear();
+            candidates.extend(wanted.map(|l| l.1));
+            !candidates.is_empty()
+        };
+        let _ = take(chance(random, view.settings.p_closest)) || take(true);
+        draw_node(view, &candidates, preference, random)
+    });
+    let mut kept = view.tree.leads().borrow_mut();
+    (kept.levels, kept.candidates) = (levels, candidates);
+    node
+}
+
+/// The distance from the goal that counts as closest.
+fn choose_level(view: &View<'_>, levels: &[(u32, StateId)], random: &mut Random) -> Option<u32> {
     let improving = matches!(
         view.aim,
         Aim::Prefix { reached: true } | Aim::Suffix { closed: true, .. }
     );
-    let level = if improving {
-        choose(random, &levels)?.0
+    if improving {
+        Some(choose(random, levels)?.0)
     } else {
-        levels.iter().map(|l| l.0).min()?
-    };
-    let states = |closest: bool| -> SmallVec<[StateId; 32]> {
-        let wanted = levels.iter().filter(|l| (l.0 == level) == closest);
-        wanted.map(|l| l.1).collect()
-    };
-    let mut candidates = states(chance(random, view.settings.p_closest));
-    if candidates.is_empty() {
-        candidates = states(true);
+        levels.iter().map(|l| l.0).min()
     }
-    draw_node(view, &candidates, preference, random)
 }
 
 /// A node in one of `states`: uniform over nodes, or weighted by the prediction of their state.
@@ -194,7 +208,7 @@ fn first_successor(
             rho.to_go(q, goal)
         }
     };
-    let allowed: SmallVec<[StateId; 16]> = view
+    let allowed: SmallVec<[StateId; 64]> = view
         .task
         .nba
         .successors(state, letter)
@@ -207,7 +221,7 @@ fn first_successor(
         return weighted(random, weights).map(|i| allowed[i]);
     }
     let least = allowed.iter().map(|&q| to_go(q)).min()?;
-    let nearest: SmallVec<[StateId; 16]> =
+    let nearest: SmallVec<[StateId; 64]> =
         allowed.into_iter().filter(|&q| to_go(q) == least).collect();
     choose(random, &nearest).copied()
 }
@@ -222,7 +236,7 @@ fn second_successor(
 ) -> Option<StateId> {
     let rho = &view.task.distances;
     let before = rho.get(first, goal);
-    let closer: SmallVec<[StateId; 16]> = view
+    let closer: SmallVec<[StateId; 64]> = view
         .task
         .nba
         .outgoing(first)
@@ -245,7 +259,7 @@ fn target_of_edge(
 ) -> Option<Target> {
     let guard = view.task.nba.guard(first, second)?;
     let free = |letter: Letter| view.system.alphabet().props(letter).is_empty();
-    let letters: SmallVec<[Letter; 32]> = guard
+    let letters: SmallVec<[Letter; 64]> = guard
         .iter()
         .filter(|&l| l != here && !view.system.landmarks(l).is_empty())
         .collect();

@@ -25,9 +25,16 @@ const DETOUR: f64 = 0.3;
 /// leads through what the automaton forbids, others get their turn.
 const WEARINESS: f64 = 0.03;
 
-/// The nodes that were looked at, by automaton state and target.
+/// What samplers remember of a tree.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Leads(HashMap<(StateId, [u64; 2]), Queue>);
+pub(crate) struct Leads {
+    /// The nodes that were looked at, by automaton state and target.
+    queues: HashMap<(StateId, [u64; 2]), Queue>,
+    /// Buffers that are kept between samples, so that these allocate nothing: the states with nodes and how far
+    /// they are from the goal, and those of them that are chosen from.
+    pub(super) levels: Vec<(u32, StateId)>,
+    pub(super) candidates: Vec<StateId>,
+}
 
 #[derive(Clone, Debug, Default)]
 struct Queue {
@@ -75,7 +82,7 @@ pub(super) fn choose(view: &View<'_>, drawn: NodeId, target: Target) -> NodeId {
     let side = view.system.bounds().side();
     let mut leads = view.tree.leads().borrow_mut();
     let key = (state, [target.at.x.to_bits(), target.at.y.to_bits()]);
-    let queue = leads.0.entry(key).or_default();
+    let queue = leads.queues.entry(key).or_default();
     let nodes = view.tree.in_state(state);
     for &node in nodes.iter().skip(queue.seen).take(AT_ONCE) {
         queue.seen += 1;

@@ -256,7 +256,8 @@ impl SiteIndex {
         let mut branches = Vec::with_capacity(room(self.branches.len()));
         let mut buckets: Vec<Bucket> = Vec::with_capacity(room(self.buckets.len()));
         branches.push(self.branches[0]);
-        let mut open = vec![0];
+        let mut open = Vec::with_capacity(64);
+        open.push(0);
         while let Some(i) = open.pop() {
             let branch: Branch = branches[i];
             if let Some(bucket) = branch.bucket() {

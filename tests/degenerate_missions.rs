@@ -195,6 +195,7 @@ fn outcome(seed: u64) -> &'static str {
     let sampler = match seed % 10 {
         0 => SamplerChoice::Uniform,
         1 => SamplerChoice::Exact,
+        2 | 3 => SamplerChoice::Directed,
         _ => SamplerChoice::Biased,
     };
     let options = Options {

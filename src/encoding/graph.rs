@@ -189,9 +189,8 @@ fn state_features(task: &Task) -> Vec<[f32; 3]> {
     let finite = |steps: u32| (steps != Distances::INFINITE).then_some(steps);
     let to_go = |a: StateId, b: StateId| finite(task.distances.to_go(a, b));
     let states = || task.nba.states();
-    let pairs = states().flat_map(|a| states().filter_map(move |b| to_go(a, b)));
     // No two states that reach one another: every finite distance is 0, whatever it is divided by.
-    let largest = pairs.max().unwrap_or(0).max(1) as f32;
+    let largest = task.distances.largest().max(1) as f32;
     states()
         .map(|q| {
             let nearest = task.feasible.iter().filter_map(|&f| to_go(q, f)).min();

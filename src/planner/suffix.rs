@@ -77,13 +77,21 @@ impl<'a> SuffixTree<'a> {
 
     /// The cheapest way back, from the goal to the goal.
     pub(crate) fn path(&self) -> Option<Vec<Waypoint>> {
-        let (_, node) = self.best?;
-        let mut path = self.tree.path(node);
+        let mut path = Vec::new();
+        self.path_into(&mut path).then_some(path)
+    }
+
+    /// As [`Self::path`], written over what `path` holds; `false` if no way back is known.
+    pub(super) fn path_into(&self, path: &mut Vec<Waypoint>) -> bool {
+        let Some((_, node)) = self.best else {
+            return false;
+        };
+        self.tree.path_into(node, path);
         path.push(Waypoint {
             at: self.tree.root().at,
             state: self.state,
         });
-        Some(path)
+        true
     }
 }
 
@@ -99,27 +107,29 @@ pub(super) struct Entry {
 }
 
 impl Entry {
-    /// The cheapest way of a prefix tree to any product state of a cycle, if it is shorter than `limit`. The
-    /// last point of a cycle is its first.
+    /// The cheapest way of a prefix tree to any product state of a cycle. The
+    /// last point of a cycle is its first. `order` is a buffer.
     pub(super) fn cheapest(
         prefix: &mut Tree<'_>,
         system: &dyn TransitionSystem,
         cycle: &[Waypoint],
         near: Near,
-        limit: f64,
+        order: &mut Vec<(f64, usize)>,
     ) -> Option<Self> {
         let root = prefix.root().at;
         let least = |w: &Waypoint| system.distance(root, w.at);
         let count = cycle.len().saturating_sub(1).max(1);
-        let mut order: Vec<(f64, usize)> = cycle[..count]
-            .iter()
-            .enumerate()
-            .map(|(i, w)| (least(w), i))
-            .collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        order.clear();
+        order.extend(
+            cycle[..count]
+                .iter()
+                .enumerate()
+                .map(|(i, w)| (least(w), i)),
+        );
+        order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut best: Option<Self> = None;
-        for (least, at) in order {
-            let limit = best.map_or(limit, |b| b.length);
+        for &(least, at) in order.iter() {
+            let limit = best.map_or(f64::INFINITY, |b| b.length);
             if least >= limit {
                 break;
             }
@@ -142,16 +152,24 @@ impl Entry {
 
     /// The plan that enters the cycle here.
     pub(super) fn path(self, prefix: &Tree<'_>, cycle: &[Waypoint]) -> Path {
+        let mut path = Path {
+            prefix: Vec::new(),
+            suffix: Vec::new(),
+        };
+        self.path_into(prefix, cycle, &mut path);
+        path
+    }
+
+    /// As [`Self::path`], written over what `path` holds.
+    pub(super) fn path_into(self, prefix: &Tree<'_>, cycle: &[Waypoint], path: &mut Path) {
         let here = cycle[self.at];
-        let mut way = prefix.path(self.node);
+        prefix.path_into(self.node, &mut path.prefix);
         if prefix.spot(self.node).at != here.at || prefix.state(self.node) != here.state {
-            way.push(here);
+            path.prefix.push(here);
         }
         let count = cycle.len().saturating_sub(1).max(1);
         let suffix = (self.at..=self.at + count).map(|i| cycle[i % count]);
-        Path {
-            prefix: way,
-            suffix: suffix.collect(),
-        }
+        path.suffix.clear();
+        path.suffix.extend(suffix);
     }
 }

@@ -4,6 +4,7 @@
 //! and the collision check of a move between two places are found once for all automaton states.
 
 mod grow;
+mod index;
 mod links;
 mod near;
 mod reach;
@@ -22,8 +23,9 @@ use crate::automaton::{Nba, StateId};
 use crate::plan::Waypoint;
 use crate::system::{Spot, TransitionSystem};
 use grow::Neighbour;
+use index::SiteIndex;
+use near::Hit;
 pub(crate) use near::Near;
-use near::{Hit, SiteIndex};
 use steps::Steps;
 use ways::Ways;
 
@@ -65,22 +67,10 @@ struct Node {
 #[derive(Clone, Copy, Debug)]
 struct Site {
     spot: Spot,
-    /// How many nodes fit where those of the site stand in [`Tree::here`].
-    room: u32,
-}
-
-/// What is asked of every site that is near: half a cache line, apart from what is asked of few.
-#[derive(Clone, Copy, Debug)]
-struct Rank {
-    /// The least cost of its nodes.
-    least: f64,
-    /// No node costs more.
-    most: f64,
-    /// The states that can follow its nodes, each as bit number `state mod 64`.
-    targets: u64,
-    /// Where its nodes stand in [`Tree::here`].
+    /// Where its nodes stand in [`Tree::here`], how many they are, and how many fit there.
     first: u32,
     len: u32,
+    room: u32,
 }
 
 /// A tree of product states with least-cost paths from its root.
@@ -91,11 +81,11 @@ pub struct Tree<'a> {
     /// What `nba` does on each letter.
     steps: Arc<Steps>,
     sites: Vec<Site>,
-    ranks: Vec<Rank>,
     nodes: Vec<Node>,
     /// For each site its nodes by ascending automaton state, with room to grow. A site that needs
     /// more moves to the end; what it leaves behind is lost, but never more than is in use.
     here: Vec<(StateId, NodeId)>,
+    /// Where the sites are, and what is asked of those that are near.
     index: SiteIndex,
     /// For each automaton state, the nodes in it.
     by_state: Vec<Vec<NodeId>>,
@@ -162,7 +152,6 @@ impl<'a> Tree<'a> {
             nba,
             steps,
             sites: Vec::new(),
-            ranks: Vec::new(),
             nodes: Vec::new(),
             here: Vec::new(),
             index: SiteIndex::default(),
@@ -274,6 +263,13 @@ impl<'a> Tree<'a> {
     #[must_use]
     pub fn path(&self, node: NodeId) -> Vec<Waypoint> {
         let mut path = Vec::new();
+        self.path_into(node, &mut path);
+        path
+    }
+
+    /// As [`Self::path`], written over what `path` holds.
+    pub(crate) fn path_into(&self, node: NodeId, path: &mut Vec<Waypoint>) {
+        path.clear();
         let mut next = node.0;
         while next != NONE {
             path.push(Waypoint {
@@ -283,7 +279,6 @@ impl<'a> Tree<'a> {
             next = self.nodes[next as usize].parent;
         }
         path.reverse();
-        path
     }
 
     /// Takes the list of nodes that were added or became cheaper since the last call.
@@ -309,8 +304,8 @@ impl<'a> Tree<'a> {
 
     /// The nodes at a site, by ascending automaton state.
     pub(crate) fn at_site(&self, site: SiteId) -> &[(StateId, NodeId)] {
-        let rank = &self.ranks[site.0 as usize];
-        &self.here[rank.first as usize..][..rank.len as usize]
+        let place = &self.sites[site.0 as usize];
+        &self.here[place.first as usize..][..place.len as usize]
     }
 
     /// Adds no nodes from now on that cost as much as `limit` or more.
@@ -449,18 +444,15 @@ impl<'a> Tree<'a> {
         Some(nodes[i].1)
     }
 
+    /// Adds a place that the tree does not hold.
     fn add_site(&mut self, spot: Spot) -> SiteId {
-        let id = SiteId(self.sites.len() as u32);
-        self.sites.push(Site { spot, room: 0 });
-        self.ranks.push(Rank {
-            least: f64::INFINITY,
-            most: 0.0,
-            targets: 0,
+        self.sites.push(Site {
+            spot,
             first: self.here.len() as u32,
             len: 0,
+            room: 0,
         });
-        self.index.insert(spot.at, id);
-        id
+        self.index.insert(spot.at)
     }
 
     fn add_node(&mut self, site: SiteId, state: StateId, cost: f64, parent: u32) -> NodeId {
@@ -481,7 +473,7 @@ impl<'a> Tree<'a> {
             .steps
             .range(letter, state)
             .fold(0, |set, k| set | bit(self.steps.target(k)));
-        let rank = &mut self.ranks[site.0 as usize];
+        let rank = self.index.rank_mut(site);
         rank.least = rank.least.min(cost);
         rank.most = rank.most.max(cost);
         rank.targets |= targets;
@@ -497,9 +489,8 @@ impl<'a> Tree<'a> {
     fn list_node(&mut self, site: SiteId, state: StateId, id: NodeId) {
         let i = self.at_site(site).partition_point(|&(q, _)| q < state);
         let place = &mut self.sites[site.0 as usize];
-        let rank = &mut self.ranks[site.0 as usize];
-        let (first, len) = (rank.first as usize, rank.len as usize);
-        rank.len += 1;
+        let (first, len) = (place.first as usize, place.len as usize);
+        place.len += 1;
         if len < place.room as usize {
             self.here.copy_within(first + i..first + len, first + i + 1);
             self.here[first + i] = (state, id);
@@ -509,17 +500,17 @@ impl<'a> Tree<'a> {
         let room = (2 * len).max(2);
         place.room = room as u32;
         if first + len != self.here.len() {
-            rank.first = self.here.len() as u32;
+            place.first = self.here.len() as u32;
             self.here.extend_from_within(first..first + len);
         }
-        let first = rank.first as usize;
+        let first = place.first as usize;
         self.here.resize(first + room, (state, id));
         self.here.copy_within(first + i..first + len, first + i + 1);
         self.here[first + i] = (state, id);
     }
 }
 
-/// The bit of a state in [`Rank::targets`].
+/// The bit of a state in [`index::Rank::targets`].
 fn bit(state: StateId) -> u64 {
     1 << (state.0 % 64)
 }

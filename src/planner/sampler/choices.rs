@@ -130,7 +130,13 @@ fn closest_node(
     preference: Preference<'_>,
     random: &mut Random,
 ) -> Option<NodeId> {
-    let mut levels: SmallVec<[(u32, StateId); 32]> = SmallVec::new();
+    let mut kept = view.tree.leads().borrow_mut();
+    let (mut levels, mut candidates) = (
+        std::mem::take(&mut kept.levels),
+        std::mem::take(&mut kept.candidates),
+    );
+    drop(kept);
+    levels.clear();
     for state in view.task.nba.states() {
         let Some(&sample) = view.tree.in_state(state).last() else {
             continue;
@@ -141,20 +147,28 @@ fn closest_node(
             levels.push((distance, state));
         }
     }
-    let level = if view.is_improving() {
-        choose(random, &levels)?.0
+    let node = choose_level(view, &levels, random).and_then(|level| {
+        let mut take = |closest: bool| {
+            let wanted = levels.iter().filter(|l| (l.0 == level) == closest);
+            candidates.clear();
+            candidates.extend(wanted.map(|l| l.1));
+            !candidates.is_empty()
+        };
+        let _ = take(chance(random, view.settings.p_closest)) || take(true);
+        draw_node(view, &candidates, preference, random)
+    });
+    let mut kept = view.tree.leads().borrow_mut();
+    (kept.levels, kept.candidates) = (levels, candidates);
+    node
+}
+
+/// The distance from the goal that counts as closest.
+fn choose_level(view: &View<'_>, levels: &[(u32, StateId)], random: &mut Random) -> Option<u32> {
+    if view.is_improving() {
+        Some(choose(random, levels)?.0)
     } else {
-        levels.iter().map(|l| l.0).min()?
-    };
-    let states = |closest: bool| -> SmallVec<[StateId; 32]> {
-        let wanted = levels.iter().filter(|l| (l.0 == level) == closest);
-        wanted.map(|l| l.1).collect()
-    };
-    let mut candidates = states(chance(random, view.settings.p_closest));
-    if candidates.is_empty() {
-        candidates = states(true);
+        levels.iter().map(|l| l.0).min()
     }
-    draw_node(view, &candidates, preference, random)
 }
 
 /// A node in one of `states`: uniform over nodes, or weighted by the prediction of their state.
@@ -195,7 +209,7 @@ fn first_successor(
         false => view.left(q, goal),
     };
     let before = to_go(state);
-    let allowed: SmallVec<[StateId; 16]> = view
+    let allowed: SmallVec<[StateId; 64]> = view
         .task
         .nba
         .successors(state, letter)
@@ -208,7 +222,7 @@ fn first_successor(
         return weighted(random, weights).map(|i| allowed[i]);
     }
     let least = allowed.iter().map(|&q| to_go(q)).min()?;
-    let nearest: SmallVec<[StateId; 16]> =
+    let nearest: SmallVec<[StateId; 64]> =
         allowed.into_iter().filter(|&q| to_go(q) == least).collect();
     choose(random, &nearest).copied()
 }
@@ -234,7 +248,7 @@ fn second_successor(
         }
     };
     let steps = view.task.nba.outgoing(first).iter();
-    let to = |least: u32| -> SmallVec<[StateId; 16]> {
+    let to = |least: u32| -> SmallVec<[StateId; 64]> {
         let steps = steps.clone();
         let closer = steps.filter(|t| to_go(t.target, &t.guard) < least);
         closer.map(|t| t.target).filter(|&q| q != first).collect()
@@ -258,7 +272,7 @@ fn target_of_edge(
     let step = Step { from: first, goal };
     let guard = view.task.nba.guard(first, second)?;
     let free = |letter: Letter| view.system.alphabet().props(letter).is_empty();
-    let letters: SmallVec<[Letter; 32]> = guard
+    let letters: SmallVec<[Letter; 64]> = guard
         .iter()
         .filter(|&l| l != here && !view.system.landmarks(l).is_empty())
         .collect();
@@ -267,7 +281,7 @@ fn target_of_edge(
     }
     let closing = view.closing().filter(|_| second == goal);
     let closes = |l: &Letter| closing.as_ref().is_none_or(|c| c.letters().contains(*l));
-    let letters: SmallVec<[Letter; 32]> = match letters.iter().any(closes) {
+    let letters: SmallVec<[Letter; 64]> = match letters.iter().any(closes) {
         true => letters.into_iter().filter(closes).collect(),
         false => letters,
     };

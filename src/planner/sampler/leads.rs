@@ -26,13 +26,18 @@ const DETOUR: f64 = 0.3;
 /// leads through what the automaton forbids, others get their turn.
 const WEARINESS: f64 = 0.03;
 
-/// The nodes that were looked at, by automaton state and target.
+/// What samplers remember of a tree.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Leads {
+    /// The nodes that were looked at, by automaton state, step and target.
     queues: HashMap<(StateId, Step, [u64; 2]), Queue>,
     pub(super) passages: Passages,
     /// Once it was asked for.
     closing: Option<Option<Arc<Closing>>>,
+    /// Buffers that are kept between samples, so that these allocate nothing: the states with nodes and how far
+    /// they are from the goal, and those of them that are chosen from.
+    pub(super) levels: Vec<(u32, StateId)>,
+    pub(super) candidates: Vec<StateId>,
 }
 
 impl Leads {

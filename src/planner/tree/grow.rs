@@ -2,6 +2,7 @@
 
 use nalgebra::Point2;
 
+use super::index::Rank;
 use super::near::{Hit, Near};
 use super::ways::{Way, Ways};
 use super::{SiteId, Tree, bit, improves};
@@ -18,8 +19,24 @@ pub(super) struct Neighbour {
     pub(super) distance: f64,
     /// The least cost of any node there, plus the distance: what an edge from there costs at least.
     pub(super) bound: f64,
+    /// What was known of its nodes when it was found: the greatest cost, and the states that can follow.
+    most: f64,
+    targets: u64,
     /// Whether a move is possible, once that was asked.
     pub(super) visible: Option<bool>,
+}
+
+impl Neighbour {
+    fn new(distance: f64, rank: &Rank) -> Self {
+        Self {
+            site: rank.site,
+            distance,
+            bound: rank.least + distance,
+            most: rank.most,
+            targets: rank.targets,
+            visible: None,
+        }
+    }
 }
 
 impl Tree<'_> {
@@ -101,7 +118,10 @@ impl Tree<'_> {
                 continue;
             };
             let distance = self.system.distance(there.at, spot.at);
-            neighbours.push(self.neighbour(site, distance, Some(true)));
+            neighbours.push(Neighbour {
+                visible: Some(true),
+                ..Neighbour::new(distance, self.index.rank(site))
+            });
         }
         self.index.at(spot.at)
     }
@@ -123,7 +143,8 @@ impl Tree<'_> {
                 let distance = self
                     .system
                     .distance(self.sites[site.0 as usize].spot.at, spot.at);
-                neighbours.push(self.neighbour(site, distance, None));
+                let rank = self.index.rank(site);
+                neighbours.push(Neighbour::new(distance, rank));
             }
         }
         self.hits = hits;
@@ -165,23 +186,14 @@ impl Tree<'_> {
         let mut known = None;
         for hit in hits {
             let distance = hit.square().sqrt();
-            if distance > 0.0 || self.sites[hit.site.0 as usize].spot.at != at {
-                neighbours.push(self.neighbour(hit.site, distance, None));
+            let rank = self.index.rank_at(hit.slot);
+            if distance > 0.0 || self.sites[rank.site.0 as usize].spot.at != at {
+                neighbours.push(Neighbour::new(distance, rank));
             } else {
-                known = Some(hit.site);
+                known = Some(rank.site);
             }
         }
         known
-    }
-
-    fn neighbour(&self, site: SiteId, distance: f64, visible: Option<bool>) -> Neighbour {
-        let bound = self.ranks[site.0 as usize].least + distance;
-        Neighbour {
-            site,
-            distance,
-            bound,
-            visible,
-        }
     }
 
     /// Steps 4 and 5: the automaton states in which `spot` can be reached, each with its least
@@ -198,7 +210,7 @@ impl Tree<'_> {
             let rest = &mut neighbours[i..];
             if i < PICKS {
                 // The cheapest of those that have something to give comes next.
-                let useful = |n: &&(usize, &Neighbour)| reach.wants(&self.ranks, n.1);
+                let useful = |n: &&(usize, &Neighbour)| reach.wants(n.1);
                 let next = rest.iter().enumerate();
                 let next = next.filter(|n| useful(&n)).min_by(|a, b| order(a.1, b.1));
                 let Some(j) = next.map(|(j, _)| j) else { break };
@@ -207,7 +219,7 @@ impl Tree<'_> {
                 rest.sort_unstable_by(order);
             }
             let neighbour = &mut neighbours[i];
-            if reach.wants(&self.ranks, neighbour) {
+            if reach.wants(neighbour) {
                 self.enter(spot, neighbour, ways, &mut reach);
             }
         }
@@ -258,10 +270,10 @@ impl Tree<'_> {
                 }
             }
         }
-        let least = self.ranks[site.0 as usize].least;
+        let least = self.index.rank(site).least;
         for neighbour in neighbours {
-            let most = self.ranks[neighbour.site.0 as usize].most;
-            if neighbour.visible == Some(false) || !improves(least + neighbour.distance, most) {
+            let way = least + neighbour.distance;
+            if neighbour.visible == Some(false) || !improves(way, neighbour.most) {
                 continue;
             }
             self.reroute(&spot, neighbour, ways);
@@ -294,7 +306,7 @@ impl Tree<'_> {
         }
         let costs = self.at_site(neighbour.site).iter();
         let most = costs.map(|&(_, n)| self.cost(n)).fold(0.0, f64::max);
-        self.ranks[neighbour.site.0 as usize].most = most;
+        self.index.rank_mut(neighbour.site).most = most;
     }
 
     pub(super) fn is_visible(&mut self, neighbour: &mut Neighbour, spot: &Spot) -> bool {
@@ -324,12 +336,12 @@ struct Reach {
 impl Reach {
     /// Whether a neighbour can lead to a new state or be a cheaper way: one that leads only to states
     /// that are reached more cheaply has nothing to give, now or later.
-    fn wants(&self, ranks: &[super::Rank], neighbour: &Neighbour) -> bool {
+    fn wants(&self, neighbour: &Neighbour) -> bool {
         if neighbour.bound >= self.limit {
             return false;
         }
         let cheaper = neighbour.bound < self.most;
-        cheaper || !self.few || ranks[neighbour.site.0 as usize].targets & !self.states != 0
+        cheaper || !self.few || neighbour.targets & !self.states != 0
     }
 }
 

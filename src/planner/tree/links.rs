@@ -17,7 +17,7 @@ impl Tree<'_> {
         self.save(node, saving);
         let n = &mut self.nodes[node.index()];
         n.cost = cost; // not off by rounding
-        let rank = &mut self.ranks[n.site.0 as usize];
+        let rank = self.index.rank_mut(n.site);
         rank.least = rank.least.min(cost);
     }
 
@@ -59,7 +59,7 @@ impl Tree<'_> {
             }
             n.owed += saving;
         }
-        let rank = &mut self.ranks[n.site.0 as usize];
+        let rank = self.index.rank_mut(n.site);
         rank.least = rank.least.min(n.cost);
         self.touched.push(node);
     }

@@ -1,36 +1,38 @@
-//! Which sites lie near a point: a kd-tree with buckets that grows by insertion.
+//! Which sites lie near a point.
 //!
-//! A leaf holds up to [`BUCKET`] sites; a full one is split at the median of its wider extent. Drawn
-//! points arrive in random order, so the depth stays logarithmic without any rebalancing (J. L.
-//! Bentley, "Multidimensional binary search trees used for associative searching", CACM 1975, for
-//! the structure; J. H. Friedman, J. L. Bentley, R. A. Finkel, "An algorithm for finding best
-//! matches in logarithmic expected time", TOMS 1977, for buckets and nearest neighbours).
-//! Queries allocate nothing; ties are broken by the sites' numbers.
+//! Queries allocate nothing. Which buckets a query concerns is found from the branches alone where that can
+//! be; then they are all read, and the processor waits for many of them at a time.
 
 use nalgebra::Point2;
 
 use super::SiteId;
+use super::index::{BUCKET, SiteIndex, Slot};
 
-/// Sites of a leaf. Scanning this many costs about as much as two steps down the tree.
-const BUCKET: usize = 16;
+/// The circle in which the nearest sites are looked for first holds this many times their number, by the
+/// density of sites around its centre: mostly enough, and far fewer than without.
+const SLACK: f64 = 1.4;
 
-/// The axis number of a leaf.
-const LEAF: u32 = 2;
+/// The density is that of a part of the index with at least so many times the number.
+const PART: usize = 2;
 
-/// A site in the answer to a query, ordered by distance, then by number.
+/// So many buckets are read together at most.
+const TOGETHER: usize = 64;
+
+/// A site in the answer to a query, ordered by distance, then by where it stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Hit {
     /// The bits of the squared distance: those of numbers that are not negative are ordered as the
     /// numbers are, and compare faster.
     bits: u64,
-    pub(super) site: SiteId,
+    /// Where the site stands in the index.
+    pub(super) slot: Slot,
 }
 
 impl Hit {
-    fn new(square: f64, site: SiteId) -> Self {
-        let bits = square.to_bits();
-        Self { bits, site }
-    }
+    const NONE: Self = Self {
+        bits: 0,
+        slot: Slot::FIRST,
+    };
 
     pub(super) fn square(self) -> f64 {
         f64::from_bits(self.bits)
@@ -60,188 +62,89 @@ impl Near {
     }
 }
 
-/// A node of the tree: a split, or a leaf.
-#[derive(Clone, Copy, Debug)]
-struct Branch {
-    /// 0 or 1 for x or y; [`LEAF`] for a leaf.
-    axis: u32,
-    /// Of a split the branch on the side of lower coordinates, of a leaf its bucket. The other
-    /// side's branch has the next number.
-    next: u32,
-    /// Coordinates from here on are on the higher side.
-    at: f64,
-}
-
-/// The sites of a leaf.
-#[derive(Clone, Debug)]
-struct Bucket {
-    /// The coordinates, each axis for itself: distances are found several at a time.
-    places: [[f64; BUCKET]; 2],
-    sites: [SiteId; BUCKET],
-    len: usize,
-}
-
-/// A dynamic spatial index of sites.
-#[derive(Clone, Debug)]
-pub(super) struct SiteIndex {
-    branches: Vec<Branch>,
-    buckets: Vec<Bucket>,
-}
-
-impl Default for SiteIndex {
-    fn default() -> Self {
-        let leaf = Branch {
-            axis: LEAF,
-            next: 0,
-            at: 0.0,
-        };
-        Self {
-            branches: vec![leaf],
-            buckets: vec![Bucket::EMPTY],
-        }
-    }
-}
-
-impl Bucket {
-    const EMPTY: Self = Self {
-        places: [[0.0; BUCKET]; 2],
-        sites: [SiteId(0); BUCKET],
-        len: 0,
-    };
-
-    fn push(&mut self, place: [f64; 2], site: SiteId) {
-        for (axis, value) in self.places.iter_mut().zip(place) {
-            axis[self.len] = value;
-        }
-        self.sites[self.len] = site;
-        self.len += 1;
-    }
-
-    /// The sites with their squared distances from `p`.
-    fn squares(&self, p: [f64; 2]) -> impl Iterator<Item = (f64, SiteId)> + '_ {
-        let mut squares = [0.0; BUCKET];
-        let places = self.places[0].iter().zip(&self.places[1]);
-        for (square, (x, y)) in squares.iter_mut().zip(places) {
-            let (x, y) = (x - p[0], y - p[1]);
-            *square = x * x + y * y;
-        }
-        squares.into_iter().zip(self.sites).take(self.len)
-    }
-
-    fn place(&self, i: usize) -> [f64; 2] {
-        self.places.map(|axis| axis[i])
-    }
-
-    /// The wider axis and a coordinate that leaves places on both of its sides; `None` if all
-    /// places are the same.
-    fn split(&self) -> Option<(usize, f64)> {
-        let extent = |axis: usize| {
-            let values = || self.places[axis][..self.len].iter().copied();
-            values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min)
-        };
-        let axis = usize::from(extent(1) > extent(0));
-        let mut values = self.places[axis];
-        let values = &mut values[..self.len];
-        values.sort_unstable_by(f64::total_cmp);
-        let middle = values[values.len() / 2];
-        let above = |v: &&f64| **v > values[0];
-        let at = if middle > values[0] {
-            middle
-        } else {
-            *values.iter().find(above)?
-        };
-        Some((axis, at))
-    }
-}
-
 impl SiteIndex {
-    pub(super) fn insert(&mut self, at: Point2<f64>, site: SiteId) {
-        // Adding 0 makes the two zeros one.
-        let place = [at.x + 0.0, at.y + 0.0];
-        let mut leaf = self.leaf(place);
-        while self.buckets[self.branches[leaf].next as usize].len == BUCKET {
-            if !self.split(leaf) {
-                return; // the same place so many times: it is found already
-            }
-            leaf = self.leaf_below(leaf, place);
-        }
-        let bucket = self.branches[leaf].next as usize;
-        self.buckets[bucket].push(place, site);
-    }
-
-    /// Turns a leaf into a split of two leaves.
-    fn split(&mut self, leaf: usize) -> bool {
-        let bucket = self.branches[leaf].next as usize;
-        let Some((axis, at)) = self.buckets[bucket].split() else {
-            return false;
-        };
-        let full = std::mem::replace(&mut self.buckets[bucket], Bucket::EMPTY);
-        let other = self.buckets.len();
-        self.buckets.push(Bucket::EMPTY);
-        for i in 0..full.len {
-            let place = full.place(i);
-            let side = if place[axis] < at { bucket } else { other };
-            self.buckets[side].push(place, full.sites[i]);
-        }
-        let next = self.branches.len() as u32;
-        for bucket in [bucket, other] {
-            self.branches.push(Branch {
-                axis: LEAF,
-                next: bucket as u32,
-                at: 0.0,
-            });
-        }
-        self.branches[leaf] = Branch {
-            axis: axis as u32,
-            next,
-            at,
-        };
-        true
-    }
-
-    fn leaf(&self, place: [f64; 2]) -> usize {
-        self.leaf_below(0, place)
-    }
-
-    fn leaf_below(&self, mut i: usize, place: [f64; 2]) -> usize {
-        loop {
-            let branch = self.branches[i];
-            if branch.axis == LEAF {
-                return i;
-            }
-            i = branch.next as usize + usize::from(place[branch.axis as usize] >= branch.at);
-        }
-    }
-
     /// Puts the sites that are near `p` into `hits`, in no particular order.
     pub(super) fn near(&self, p: Point2<f64>, near: Near, hits: &mut Vec<Hit>) {
         hits.clear();
-        if near.count > 0 {
-            let (count, limit) = (near.count, near.radius * near.radius);
-            let mut found = Found { hits, count, limit };
-            self.collect(0, [p.x, p.y], [0.0; 2], &mut found);
+        if near.count == 0 {
+            return;
+        }
+        let (p, whole) = ([p.x, p.y], near.radius * near.radius);
+        let guess = self.guess(p, near.count);
+        // Where all in the circle are wanted, the circle stays as it is.
+        let all = near.count >= self.branches[0].len as usize;
+        for limit in [guess.min(whole), whole] {
+            hits.clear();
+            let mut found = Found {
+                index: self,
+                p,
+                hits,
+                count: near.count,
+                limit,
+                waiting: [(0, 0); TOGETHER],
+                waits: 0,
+                together: if all || limit < whole { TOGETHER } else { 1 },
+            };
+            self.collect(0, [0.0; 2], &mut found);
+            found.read();
             found.cut();
+            if hits.len() == near.count || limit == whole {
+                return;
+            }
         }
     }
 
-    /// Visits what lies below branch `i`, whose box is `off` away from `p` along each axis.
-    fn collect(&self, i: usize, p: [f64; 2], off: [f64; 2], found: &mut Found<'_>) {
-        let branch = self.branches[i];
-        if branch.axis == LEAF {
-            for (square, site) in self.buckets[branch.next as usize].squares(p) {
-                found.offer(square, site);
+    /// The squared radius of a circle around `p` that should hold a few more than `count` sites: as
+    /// many as are spread over it at the density of the least part of the index around `p` that holds more.
+    fn guess(&self, p: [f64; 2], count: usize) -> f64 {
+        let few = count.saturating_mul(PART);
+        let [mut low, mut high] = self.corners;
+        let mut branch = self.branches[0];
+        if (branch.len as usize) < few.max(BUCKET).saturating_mul(2) {
+            return f64::INFINITY;
+        }
+        while branch.bucket().is_none() {
+            let axis = branch.axis();
+            let side = usize::from(p[axis] >= branch.at());
+            let next = self.branches[branch.next() + side];
+            if (next.len as usize) < few {
+                break;
             }
+            if side == 0 {
+                high[axis] = branch.at();
+            } else {
+                low[axis] = branch.at();
+            }
+            branch = next;
+        }
+        let area = (high[0] - low[0]) * (high[1] - low[1]);
+        let square = SLACK * count as f64 * area / (std::f64::consts::PI * f64::from(branch.len));
+        // Near the border of all sites much of the circle is empty.
+        let radius = square.sqrt();
+        let share = |axis: usize| {
+            let low = (p[axis] - radius).max(self.corners[0][axis]);
+            let high = (p[axis] + radius).min(self.corners[1][axis]);
+            ((high - low) / (2.0 * radius)).clamp(0.1, 1.0)
+        };
+        square / (share(0) * share(1))
+    }
+
+    /// Visits what lies below branch `i`, whose box is `off` away from the point along each axis.
+    fn collect(&self, i: usize, off: [f64; 2], found: &mut Found<'_>) {
+        let branch = self.branches[i];
+        if let Some(bucket) = branch.bucket() {
+            found.visit(bucket as u32, branch.len);
             return;
         }
-        let axis = branch.axis as usize;
-        let ahead = p[axis] - branch.at;
+        let axis = branch.axis();
+        let ahead = found.p[axis] - branch.at();
         let side = usize::from(ahead >= 0.0);
-        let next = branch.next as usize;
-        self.collect(next + side, p, off, found);
+        let next = branch.next();
+        self.collect(next + side, off, found);
         let mut beyond = off;
         beyond[axis] = ahead;
         if beyond[0] * beyond[0] + beyond[1] * beyond[1] <= found.limit {
-            self.collect(next + 1 - side, p, beyond, found);
+            self.collect(next + 1 - side, beyond, found);
         }
     }
 
@@ -254,18 +157,20 @@ impl SiteIndex {
 
     fn closest(&self, i: usize, p: [f64; 2], off: [f64; 2], best: &mut (f64, SiteId)) {
         let branch = self.branches[i];
-        if branch.axis == LEAF {
-            for hit in self.buckets[branch.next as usize].squares(p) {
-                if hit < *best {
-                    *best = hit;
+        if let Some(bucket) = branch.bucket() {
+            let bucket = &self.buckets[bucket];
+            let squares = bucket.squares(p).into_iter().take(branch.len as usize);
+            for (i, square) in squares.enumerate() {
+                if square <= best.0 && (square, bucket.ranks[i].site) < *best {
+                    *best = (square, bucket.ranks[i].site);
                 }
             }
             return;
         }
-        let axis = branch.axis as usize;
-        let ahead = p[axis] - branch.at;
+        let axis = branch.axis();
+        let ahead = p[axis] - branch.at();
         let side = usize::from(ahead >= 0.0);
-        let next = branch.next as usize;
+        let next = branch.next();
         self.closest(next + side, p, off, best);
         let mut beyond = off;
         beyond[axis] = ahead;
@@ -273,31 +178,52 @@ impl SiteIndex {
             self.closest(next + 1 - side, p, beyond, best);
         }
     }
-
-    /// The site at exactly `p`.
-    pub(super) fn at(&self, p: Point2<f64>) -> Option<SiteId> {
-        let place = [p.x + 0.0, p.y + 0.0];
-        let bucket = &self.buckets[self.branches[self.leaf(place)].next as usize];
-        let i = (0..bucket.len).find(|&i| bucket.place(i) == place)?;
-        Some(bucket.sites[i])
-    }
 }
 
 /// The nearest sites so far, and up to as many again that are not yet told from them.
 struct Found<'h> {
+    index: &'h SiteIndex,
+    p: [f64; 2],
     hits: &'h mut Vec<Hit>,
     count: usize,
     /// The squared distance beyond which nothing is wanted any more.
     limit: f64,
+    /// Buckets that are still to be read, and how many sites each has.
+    waiting: [(u32, u32); TOGETHER],
+    waits: usize,
+    /// So many are read together: one, where what is found makes the circle smaller.
+    together: usize,
 }
 
 impl Found<'_> {
-    fn offer(&mut self, square: f64, site: SiteId) {
-        if square <= self.limit {
-            self.hits.push(Hit::new(square, site));
-            if self.hits.len() >= self.count.saturating_mul(2) {
-                self.cut();
+    #[inline]
+    fn visit(&mut self, bucket: u32, len: u32) {
+        self.waiting[self.waits] = (bucket, len);
+        self.waits += 1;
+        if self.waits == self.together {
+            self.read();
+        }
+    }
+
+    /// Takes the sites of the waiting buckets that are near enough.
+    fn read(&mut self) {
+        for &(bucket, len) in &self.waiting[..self.waits] {
+            let squares = self.index.buckets[bucket as usize].squares(self.p);
+            // Whether a site is near enough cannot be foreseen: no branch depends on it.
+            let mut near = [Hit::NONE; BUCKET];
+            let mut kept = 0;
+            for (i, square) in squares.into_iter().take(len as usize).enumerate() {
+                near[kept % BUCKET] = Hit {
+                    bits: square.to_bits(),
+                    slot: Slot::new(bucket as usize, i),
+                };
+                kept += usize::from(square <= self.limit);
             }
+            self.hits.extend_from_slice(&near[..kept]);
+        }
+        self.waits = 0;
+        if self.hits.len() >= self.count.saturating_mul(2) {
+            self.cut();
         }
     }
 
@@ -331,20 +257,21 @@ mod tests {
 
     #[test]
     fn queries_agree_with_a_scan() {
-        let all = places(3_000, 1);
+        let all = places(6_000, 1);
         let mut index = SiteIndex::default();
         for (i, &p) in all.iter().enumerate() {
-            index.insert(p, SiteId(i as u32));
+            assert_eq!(index.insert(p), SiteId(i as u32));
+            index.rank_mut(SiteId(i as u32)).least = i as f64;
         }
         let mut hits = Vec::new();
-        for (k, q) in places(200, 2).into_iter().enumerate() {
-            let mut scan: Vec<Hit> = all
+        for (k, q) in places(300, 2).into_iter().enumerate() {
+            let mut scan: Vec<(f64, SiteId)> = all
                 .iter()
                 .enumerate()
-                .map(|(i, p)| Hit::new((p - q).norm_squared(), SiteId(i as u32)))
+                .map(|(i, p)| ((p - q).norm_squared(), SiteId(i as u32)))
                 .collect();
-            scan.sort_unstable();
-            assert_eq!(index.nearest(q), Some(scan[0].site));
+            scan.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            assert_eq!(index.nearest(q), Some(scan[0].1));
             let near = Near {
                 radius: 0.3 * (k % 5) as f64,
                 count: 1 + k % 60,
@@ -352,22 +279,40 @@ mod tests {
             };
             index.near(q, near, &mut hits);
             hits.sort_unstable();
-            scan.retain(|h| h.square() <= near.radius * near.radius);
+            scan.retain(|h| h.0 <= near.radius * near.radius);
             scan.truncate(near.count);
-            assert_eq!(hits, scan);
+            let squares = |all: &[(f64, SiteId)]| all.iter().map(|h| h.0).collect::<Vec<_>>();
+            let found = |h: &Hit| (h.square(), index.rank_at(h.slot).site);
+            let found: Vec<_> = hits.iter().map(found).collect();
+            assert_eq!(squares(&found), squares(&scan));
+            for (square, site) in found {
+                assert_eq!((all[site.0 as usize] - q).norm_squared(), square);
+                assert_eq!(index.rank(site).least, f64::from(site.0));
+            }
         }
         for (i, &p) in all.iter().enumerate() {
             assert_eq!(index.at(p), Some(SiteId(i as u32)));
+            assert_eq!(index.rank(SiteId(i as u32)).least, i as f64);
         }
         assert_eq!(index.at(Point2::new(0.3, 0.3)), None);
     }
 
     #[test]
-    fn a_place_repeated_for_ever_does_no_harm() {
+    fn places_in_a_line_and_both_zeros_are_told_apart() {
         let mut index = SiteIndex::default();
-        for i in 0..100 {
-            index.insert(Point2::new(0.5, -0.0), SiteId(i));
+        for i in 0..5_000 {
+            index.insert(Point2::new(0.5, f64::from(i)));
         }
-        assert_eq!(index.at(Point2::new(0.5, 0.0)), Some(SiteId(0)));
+        assert_eq!(index.at(Point2::new(0.5, -0.0)), Some(SiteId(0)));
+        let mut hits = Vec::new();
+        let near = Near {
+            radius: f64::INFINITY,
+            count: 3,
+            more: 0,
+        };
+        index.near(Point2::new(0.5, 4_000.2), near, &mut hits);
+        let mut found: Vec<u32> = hits.iter().map(|h| index.rank_at(h.slot).site.0).collect();
+        found.sort_unstable();
+        assert_eq!(found, [3_999, 4_000, 4_001]);
     }
 }

@@ -14,7 +14,7 @@ impl Tree<'_> {
                 children[i] += 1;
                 child = self.nodes[child as usize].next_sibling;
             }
-            let rank = &self.ranks[node.site.0 as usize];
+            let rank = self.index.rank(node.site);
             assert!(rank.least <= node.cost && node.cost <= rank.most);
             let here = &self.sites[node.site.0 as usize];
             let nodes = self.at_site(node.site);

@@ -1,0 +1,206 @@
+//! What counts as a plan, and which is the best.
+
+use super::{Best, ENTRY_PERIOD, Search};
+use crate::plan::{Cost, Path, Waypoint};
+use crate::planner::Improvement;
+use crate::planner::polish::Polish;
+use crate::planner::suffix::Entry;
+use crate::planner::tree::NodeId;
+use crate::shorten::Shortener;
+
+impl Search<'_> {
+    /// Takes note of goals that are new or cheaper.
+    pub(super) fn look_at_prefix(&mut self) {
+        let mut touched = std::mem::take(&mut self.touched);
+        self.prefix.take_touched(&mut touched);
+        self.known.resize(self.prefix.len(), false);
+        for &node in &touched {
+            let state = self.prefix.state(node);
+            if !self.accepting[state.index()] {
+                continue;
+            }
+            let letter = self.prefix.spot(node).letter;
+            let stays = self.staying[letter.index()][state.index()];
+            if !std::mem::replace(&mut self.known[node.index()], true) {
+                self.stats.goals += 1;
+                if !stays {
+                    self.open_goals.push(node);
+                }
+                if self.stats.first_prefix.is_none() {
+                    self.stats.first_prefix = Some(self.first(self.prefix.cost(node)));
+                }
+            }
+            if stays {
+                let at = self.prefix.spot(node).at;
+                self.consider_staying(node, Waypoint { at, state });
+            } else if let Some(&i) = self.suffix_of.get(&node) {
+                self.consider_suffix(i);
+            }
+        }
+        self.touched = touched;
+    }
+
+    /// The plan that stays at a goal.
+    fn consider_staying(&mut self, goal: NodeId, here: Waypoint) {
+        let cost = Cost::new(self.prefix.length_to(goal), 0.0, self.problem.weight);
+        self.offer(goal, None, cost);
+        if self.is_better(cost) {
+            let mut path = self.outdated();
+            self.prefix.path_into(goal, &mut path.prefix);
+            path.suffix.clear();
+            path.suffix.push(here);
+            self.keep(goal, path, cost);
+        }
+    }
+
+    /// The plan whose suffix is the shortest way back that a suffix tree knows, entered where that is
+    /// cheapest.
+    pub(super) fn consider_suffix(&mut self, i: usize) {
+        let mut cycle = std::mem::take(&mut self.cycle);
+        let suffix = &self.suffixes[i];
+        if let Some(length) = suffix.length()
+            && suffix.path_into(&mut cycle)
+        {
+            let goal = suffix.goal;
+            self.consider_cycle(i, goal, &cycle, length);
+        }
+        self.cycle = cycle;
+    }
+
+    fn consider_cycle(&mut self, i: usize, goal: NodeId, cycle: &[Waypoint], length: f64) {
+        let Some((entry, cost)) = self.enter(cycle, length) else {
+            return;
+        };
+        self.offer(goal, Some(i), cost);
+        if self.is_better(cost) {
+            let mut path = self.outdated();
+            entry.path_into(&self.prefix, cycle, &mut path);
+            self.keep(goal, path, cost);
+        }
+    }
+
+    /// The path of the best plan so far, to write a better one over.
+    fn outdated(&mut self) -> Path {
+        let none = || Path {
+            prefix: Vec::new(),
+            suffix: Vec::new(),
+        };
+        self.best.take().map_or_else(none, |best| best.path)
+    }
+
+    /// Where a cycle is entered most cheaply, and what that costs.
+    fn enter(&mut self, cycle: &[Waypoint], length: f64) -> Option<(Entry, Cost)> {
+        let system = &*self.problem.system;
+        let side = system.bounds().side();
+        let near = self.settings.near(self.prefix.site_count(), side);
+        let order = &mut self.order;
+        let entry = Entry::cheapest(&mut self.prefix, system, cycle, near, order)?;
+        Some((entry, Cost::new(entry.length, length, self.problem.weight)))
+    }
+
+    /// Looks for better entries to the best plan's suffix and, in turn, to those of other goals.
+    pub(super) fn enter_again(&mut self) {
+        let Some(best) = &mut self.best else { return };
+        if best.path.suffix.len() > 1 {
+            let (goal, length) = (best.goal, best.cost.suffix);
+            let cycle = std::mem::take(&mut best.path.suffix);
+            let found = self.enter(&cycle, length);
+            match found {
+                Some((entry, cost)) if self.is_better(cost) => {
+                    let mut path = self.outdated();
+                    entry.path_into(&self.prefix, &cycle, &mut path);
+                    self.keep(goal, path, cost);
+                }
+                _ => {
+                    if let Some(best) = &mut self.best {
+                        best.path.suffix = cycle;
+                    }
+                }
+            }
+        }
+        if !self.suffixes.is_empty() {
+            let turn = self.stats.iterations / ENTRY_PERIOD;
+            self.consider_suffix((turn % self.suffixes.len() as u64) as usize);
+        }
+    }
+
+    /// Takes note of a plan as one that could be shortened.
+    fn offer(&mut self, goal: NodeId, tree: Option<usize>, cost: Cost) {
+        // Not before there is something to shorten: a first plan should not wait for it.
+        if self.polish.is_none() && self.settings.shortens() {
+            let map = self.problem.system.plane();
+            let shortener = |map| Shortener::new(map, &self.problem.task, self.problem.weight);
+            self.polish = map.map(|map| Polish::new(shortener(map)));
+        }
+        if let Some(polish) = &mut self.polish {
+            let kind = (self.prefix.state(goal), self.prefix.spot(goal).letter, tree);
+            polish.offer(kind, goal, cost.total);
+        }
+    }
+
+    fn is_better(&self, cost: Cost) -> bool {
+        self.best.as_ref().is_none_or(|b| cost.total < b.cost.total)
+    }
+
+    fn keep(&mut self, goal: NodeId, path: Path, cost: Cost) {
+        let pivot = self.pivot(goal, &path.suffix);
+        self.best = Some(Best {
+            goal,
+            pivot,
+            path,
+            cost,
+        });
+        if self.stats.first_plan.is_none() {
+            self.stats.first_plan = Some(self.first(cost.total));
+        }
+        self.stats.improvements.push(Improvement {
+            iterations: self.stats.iterations,
+            seconds: self.began.elapsed().as_secs_f64(),
+            cost: cost.total,
+        });
+    }
+
+    /// The point of a suffix that stands for the goal it was found at: of those in its state the nearest.
+    fn pivot(&self, goal: NodeId, suffix: &[Waypoint]) -> usize {
+        let (at, state) = (self.prefix.spot(goal).at, self.prefix.state(goal));
+        let distance = |i: &usize| self.problem.system.distance(suffix[*i].at, at);
+        let count = suffix.len().saturating_sub(1).max(1);
+        (0..count)
+            .filter(|&i| suffix[i].state == state)
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+            .unwrap_or(0)
+    }
+
+    /// Shortens a candidate, if one is due.
+    pub(super) fn shorten(&mut self) {
+        let (Some(polish), Some(best)) = (&mut self.polish, &self.best) else {
+            return;
+        };
+        let Some(next) = polish.next(self.stats.iterations, best.cost.total) else {
+            return;
+        };
+        let path = match next.kind.2 {
+            None => {
+                let prefix = self.prefix.path(next.goal);
+                let suffix = prefix.last().map(|&end| vec![end]);
+                suffix.map(|suffix| Path { prefix, suffix })
+            }
+            Some(i) => self.suffixes[i].path().and_then(|cycle| {
+                let (entry, _) = self.enter(&cycle, 0.0)?;
+                Some(entry.path(&self.prefix, &cycle))
+            }),
+        };
+        let shorten = |path| self.polish.as_ref().and_then(|p| p.shorten(&path));
+        let Some((path, cost)) = path.and_then(shorten) else {
+            return;
+        };
+        if self.is_better(cost) {
+            let points = path.prefix.iter().skip(1).map(|w| w.at);
+            if let Some(polish) = &mut self.polish {
+                polish.beacons.clear();
+                polish.beacons.extend(points);
+            }
+            self.keep(next.goal, path, cost);
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! Which tree grows next, and what its paths may cost.
+
+use std::collections::HashMap;
+
+use super::{Best, Search};
+use crate::planner::suffix::SuffixTree;
+use crate::planner::tree::NodeId;
+
+/// Another suffix tree is opened once the open ones have had this many iterations each, times
+/// their number: none of them can block the others, and few are grown deep.
+const SUFFIX_QUANTUM: u64 = 40;
+
+/// Which tree an iteration goes to.
+#[derive(Clone, Copy)]
+pub(super) enum Turn {
+    Prefix,
+    Suffix(usize),
+}
+
+impl Search<'_> {
+    /// Without a goal the prefix tree grows. With goals but no plan, three of four iterations
+    /// look for ways back from the cheapest goals, in turn. With a plan, every second iteration goes to
+    /// the prefix, the others to suffix trees that can still lead to a cheaper plan.
+    pub(super) fn choose_turn(&mut self) -> Turn {
+        if self.open_goals.is_empty() {
+            return Turn::Prefix;
+        }
+        self.turn += 1;
+        let prefix_turn = match self.best {
+            None => self.turn.is_multiple_of(4),
+            Some(_) => self.turn.is_multiple_of(2),
+        };
+        if prefix_turn {
+            return Turn::Prefix;
+        }
+        self.choose_suffix().map_or(Turn::Prefix, Turn::Suffix)
+    }
+
+    fn choose_suffix(&mut self) -> Option<usize> {
+        let trees = self.suffixes.len() as u64;
+        let due = (SUFFIX_QUANTUM * trees * trees).max(self.next_opening);
+        if self.suffix_iterations >= due {
+            if let Some(goal) = self.most_promising_goal() {
+                self.open_suffix(goal);
+                return Some(self.suffixes.len() - 1);
+            }
+            // Looking through all goals takes time: not again at once.
+            self.next_opening =
+                self.suffix_iterations + SUFFIX_QUANTUM.max(self.open_goals.len() as u64);
+        }
+        // The tree of the best plan gets every second turn, the others share the rest.
+        let best = self.best.as_ref().and_then(|b| self.suffix_of.get(&b.goal));
+        if let Some(&i) = best
+            && self.turn % 4 == 1
+        {
+            return Some(i);
+        }
+        let promising = |s: &SuffixTree<'_>| self.can_improve(self.prefix.cost(s.goal));
+        (0..self.suffixes.len())
+            .filter(|&i| promising(&self.suffixes[i]))
+            .min_by_key(|&i| self.suffixes[i].iterations)
+    }
+
+    /// The goal without a suffix tree whose plan could be cheapest, if any could be better than
+    /// the best plan. Every second one is of a kind that has the fewest trees: cycles through one accepting state, or one
+    /// region, may be long or impossible whatever the goal, and through another one short.
+    fn most_promising_goal(&self) -> Option<NodeId> {
+        let kind = |g: NodeId| (self.prefix.state(g), self.prefix.spot(g).letter);
+        let mut trees: HashMap<_, usize> = HashMap::new();
+        if !self.suffixes.len().is_multiple_of(2) {
+            for suffix in &self.suffixes {
+                *trees.entry(kind(suffix.goal)).or_default() += 1;
+            }
+        }
+        let trees = |g: NodeId| trees.get(&kind(g)).copied().unwrap_or(0);
+        let cost = |g: NodeId| self.prefix.cost(g) + self.detour(g);
+        let unopened = |g: &NodeId| !self.suffix_of.contains_key(g);
+        let goals = self.open_goals.iter().copied().filter(unopened);
+        goals
+            .filter(|&g| self.can_improve(self.prefix.cost(g)))
+            .map(|g| (trees(g), cost(g), g))
+            .min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)))
+            .map(|(_, _, g)| g)
+    }
+
+    /// By how much the best suffix would get longer (or, negative, shorter) if it passed the given
+    /// goal instead of its own, weighted against the prefix. 0 while there is no suffix.
+    fn detour(&self, goal: NodeId) -> f64 {
+        let moves = |b: &&Best| b.path.suffix.len() > 2;
+        let Some(Best { path, pivot, .. }) = self.best.as_ref().filter(moves) else {
+            return 0.0;
+        };
+        let distance = |a, b| self.problem.system.distance(a, b);
+        let count = path.suffix.len() - 1;
+        let point = |i: usize| path.suffix[i % count].at;
+        let (before, root, after) = (point(pivot + count - 1), point(*pivot), point(pivot + 1));
+        let at = self.prefix.spot(goal).at;
+        let change = distance(before, at) + distance(at, after)
+            - distance(before, root)
+            - distance(root, after);
+        let weight = self.problem.weight.max(1e-9);
+        change * (1.0 - self.problem.weight) / weight
+    }
+
+    /// Whether a plan by a goal with a way of this length can be cheaper than the best. The way is part of the
+    /// prefix as far as the suffix's entry, and of the suffix from there.
+    fn can_improve(&self, way: f64) -> bool {
+        let bound = self.least_share() * way;
+        self.best.as_ref().is_none_or(|b| bound < b.cost.total)
+    }
+
+    /// The least that a unit of length costs.
+    pub(super) fn least_share(&self) -> f64 {
+        self.problem.weight.min(1.0 - self.problem.weight)
+    }
+
+    fn open_suffix(&mut self, goal: NodeId) {
+        let tree = SuffixTree::of(&self.prefix, goal);
+        self.suffix_of.insert(goal, self.suffixes.len());
+        self.suffixes.push(tree);
+    }
+
+    /// The length that a part of weight `share` must stay below for a plan to beat the best, where
+    /// `known` is the cost of the rest at least.
+    pub(super) fn limit(&self, known: f64, share: f64) -> f64 {
+        match &self.best {
+            Some(best) if self.settings.informed && share > 1e-9 => {
+                (best.cost.total - known) / share
+            }
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// The length that a suffix by a goal with a way of this length must stay below for its plan to beat the
+    /// best: the way is part of the prefix, but for as much of it as the suffix may hold.
+    pub(super) fn suffix_limit(&self, way: f64) -> f64 {
+        let (before, after) = (self.problem.weight, 1.0 - self.problem.weight);
+        let whole = self.limit(0.0, after);
+        if !whole.is_finite() || whole >= way {
+            return whole;
+        }
+        // Shorter than the way: so the prefix is what is left of it at least.
+        if before < after {
+            self.limit(before * way, after - before)
+        } else {
+            0.0
+        }
+    }
+}

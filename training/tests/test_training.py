@@ -2,6 +2,9 @@
 
 import hashlib
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -82,6 +85,28 @@ def test_the_command_trains_continues_and_exports(data_set, tmp_path, capsys):
     export.main([str(out), str(tmp_path / "models" / "p.safetensors"), "--power", "4"])
     with safe_open(tmp_path / "models" / "p.safetensors", "pt") as file:
         assert json.loads(file.metadata()["config"])["power"] == 4
+
+
+def test_two_processes_train_as_one_does(data_set, tmp_path):
+    """Under ``torchrun`` the batch is shared out and gradients are averaged; batch statistics are each process's own."""
+    config = small("statenet")
+    alone = begin(config, data_set[0])
+    before = {name: value.clone() for name, value in alone.model.named_parameters()}
+    for step in range(4):
+        alone.train_step(step / 4)
+    options = [option for change in [*SMALL["statenet"], "training.batch=8", "training.warm_up=2"] for option in ("--set", change)]
+    module = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", "-m", "nngtl_training.train"]
+    run = ["statenet", "--data", str(data_set[0]), "--out", str(tmp_path), "--steps", "4", "--seed", "1", "--device", "cpu", *options]
+    subprocess.run([sys.executable, *module, *run], check=True, timeout=300, env={**os.environ, "OMP_NUM_THREADS": "1"})
+    saved = torch.load(tmp_path / "checkpoint.pt", weights_only=False)
+    assert saved["step"] == 4
+    assert (tmp_path / "statenet.safetensors").is_file()
+    moves = [
+        torch.cat([(model[name] - start).flatten() for name, start in before.items()])
+        for model in (dict(alone.model.named_parameters()), saved["model"])
+    ]
+    alike = torch.cosine_similarity(*moves, dim=0)
+    assert alike > 0.3, alike
 
 
 def test_a_run_begins_from_a_weight_file(data_set, tmp_path):

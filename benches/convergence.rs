@@ -3,10 +3,10 @@
 //!
 //! `cargo bench --bench convergence [-- MISSIONS [SECONDS [SAMPLER…]]]`: maps of all families of the data
 //! set, patterns of the mission catalogue; 100 missions, 1 second each, all samplers by default; the networks' time
-//! is not counted.
+//! is not counted. Progress goes to standard error.
 //! `NNGTL_CSV=FILE` writes every search.
 
-#![allow(clippy::print_stdout)] // a report is what this program is for
+#![allow(clippy::print_stdout, clippy::print_stderr)] // a report is what this program is for
 
 use std::sync::Arc;
 
@@ -50,7 +50,12 @@ fn main() {
     let missions = arguments.next().and_then(|a| a.parse().ok()).unwrap_or(100);
     let seconds = arguments.next().and_then(|a| a.parse().ok()).unwrap_or(1.0);
     let named: Vec<String> = arguments.collect();
-    let mut strategies = vec![Strategy::Uniform, Strategy::Biased, Strategy::Guided];
+    let mut strategies = vec![
+        Strategy::Uniform,
+        Strategy::Biased,
+        Strategy::Directed,
+        Strategy::Guided,
+    ];
     if !named.is_empty() {
         strategies.retain(|s| named.iter().any(|n| n == s.name()));
     }
@@ -73,6 +78,7 @@ fn main() {
         Mark::Seconds(1.0),
     ];
     let stop = Stop::new();
+    let mut progress = |done| eprintln!("{done} of {} missions searched", cases.len());
     let report = converge(
         &cases,
         &strategies,
@@ -80,7 +86,7 @@ fn main() {
         &marks,
         true,
         &stop,
-        &mut |_| {},
+        &mut progress,
     )
     .expect("the settings are sound");
     print!("{}", report.to_markdown());

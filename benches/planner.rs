@@ -14,7 +14,8 @@ use nalgebra::Point2;
 use nngtl::alphabet::Alphabet;
 use nngtl::automaton::{Limits, Nba, StateId, Task, Transition};
 use nngtl::planner::{
-    First, Improvement, PlanError, Problem, Sampler, Settings, Solution, Stats, Stop, plan, profile,
+    First, Improvement, PlanError, Problem, Progress, Sampler, Settings, Solution, Stats, Stop,
+    plan, profile,
 };
 use nngtl::system::Continuous;
 use nngtl::workspace::{Bounds, Polygon, Region, Workspace};
@@ -197,37 +198,66 @@ fn mission() {
     }
 }
 
-fn tree() {
-    let problem = reach_avoid();
-    println!("\niterations a second by the size of the tree (uniform sampler, k-nearest rule)");
-    println!(
-        "| iterations | vertices | added a second | µs each | against the first line | over ln n |"
-    );
-    println!("| ---: | ---: | ---: | ---: | ---: | ---: |");
-    let mut first = None;
-    let mut before: Option<Stats> = None;
-    for iterations in [500, 1_000, 3_000, 10_000, 30_000, 70_000, 100_000] {
+/// Sizes of the tree, in iterations, that the cost of an iteration is told at.
+const SIZES: [u64; 8] = [1_000, 2_000, 4_000, 8_000, 16_000, 32_000, 64_000, 100_000];
+
+/// Iterations that are timed together: few, so that other programs on the machine leave many of the
+/// timings alone.
+const WINDOW: u64 = 64;
+
+/// For each size the microseconds of an iteration while the tree grew the last fifth to it: of all windows
+/// of several runs the fastest and the lower quartile.
+fn growth(problem: &Problem) -> Vec<[f64; 2]> {
+    let mut timings = vec![Vec::new(); SIZES.len()];
+    for _ in 0..REPEATS {
         let settings = Settings {
-            iterations,
+            iterations: SIZES[SIZES.len() - 1] + WINDOW,
             ..by_count()
         };
-        // Other programs on the machine only make it slower.
-        let runs = (0..REPEATS).map(|_| search(&problem, &Sampler::Uniform, &settings).0);
-        let stats = runs.min_by(|a, b| a.seconds.total_cmp(&b.seconds));
-        let stats = stats.expect("at least one run");
-        // What the last part of the growth cost, not the mean since the beginning.
-        let (sites, seconds) = before.as_ref().map_or((0, 0.0), |b| (b.sites, b.seconds));
-        let each = 1e6 * (stats.seconds - seconds) / (stats.sites - sites) as f64;
-        let log = (stats.sites as f64).ln();
-        let (base, base_log) = *first.get_or_insert((each, log));
-        println!(
-            "| {iterations} | {} | {:.0} | {each:.2} | {:.2} | {:.2} |",
-            stats.sites,
-            1e6 / each,
-            each / base,
-            each / base / (log / base_log),
+        let mut last = (0, Instant::now());
+        let mut observe = |progress: Progress| {
+            if !progress.iterations.is_multiple_of(WINDOW) {
+                return;
+            }
+            let now = Instant::now();
+            let (from, began) = std::mem::replace(&mut last, (progress.iterations, now));
+            let each = 1e6 * (now - began).as_secs_f64() / WINDOW as f64;
+            for (size, timings) in SIZES.iter().zip(&mut timings) {
+                if progress.iterations <= *size && from * 5 >= size * 4 {
+                    timings.push(each);
+                }
+            }
+        };
+        // Uniform points do not meet so small a goal.
+        let _ = plan(
+            problem,
+            &Sampler::Uniform,
+            &settings,
+            &Stop::new(),
+            &mut observe,
         );
-        before = Some(stats);
+    }
+    let quartile = |mut all: Vec<f64>| {
+        all.sort_by(f64::total_cmp);
+        [all[0], all[all.len() / 4]]
+    };
+    timings.into_iter().map(quartile).collect()
+}
+
+fn tree() {
+    println!(
+        "\nan iteration by the size of the tree (uniform sampler, k-nearest rule; windows of {WINDOW} iterations)"
+    );
+    println!("| iterations | µs, fastest | µs, lower quartile | against the first line | ln n |");
+    println!("| ---: | ---: | ---: | ---: | ---: |");
+    let all = growth(&reach_avoid());
+    for (size, [fastest, quartile]) in SIZES.iter().zip(&all) {
+        println!(
+            "| {size} | {fastest:.2} | {quartile:.2} | {:.2}, {:.2} | {:.2} |",
+            fastest / all[0][0],
+            quartile / all[0][1],
+            (*size as f64).ln() / (SIZES[0] as f64).ln(),
+        );
     }
 }
 

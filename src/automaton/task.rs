@@ -236,14 +236,11 @@ mod tests {
             changed = false;
             for from in 0..nba.len() {
                 for t in &nba.transitions[from] {
-                    for to in 0..nba.len() {
-                        let rest = if t.target.index() == to {
-                            0
-                        } else {
-                            steps[t.target.index()][to]
-                        };
-                        if rest != Distances::INFINITE && rest + 1 < steps[from][to] {
-                            steps[from][to] = rest + 1;
+                    let mut beyond = steps[t.target.index()].clone();
+                    beyond[t.target.index()] = 0;
+                    for (known, rest) in steps[from].iter_mut().zip(beyond) {
+                        if rest != Distances::INFINITE && rest + 1 < *known {
+                            *known = rest + 1;
                             changed = true;
                         }
                     }

@@ -1,9 +1,11 @@
 //! What can be typed.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::automaton::Limits;
 use crate::nn::DeviceChoice;
 use crate::planner::Settings;
 use crate::transfer::BuildSettings;
@@ -100,6 +102,8 @@ pub(super) struct PlanArgs {
     /// Plan for this automaton (HOA) instead of the scenario's formula
     #[arg(long, value_name = "FILE.hoa", conflicts_with = "task")]
     pub(super) automaton: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) limits: LimitArgs,
     #[command(flatten)]
     pub(super) search: SearchArgs,
     /// Write the plan to this file
@@ -288,6 +292,37 @@ pub(super) struct TranslateArgs {
     /// Which scenario of a .jsonl file: its name, or the number of its line
     #[arg(long, value_name = "NAME|LINE", requires = "scenario")]
     pub(super) pick: Option<String>,
+    #[command(flatten)]
+    pub(super) limits: LimitArgs,
+}
+
+/// How large a translation may grow.
+#[derive(Args, Clone, Debug)]
+pub(super) struct LimitArgs {
+    /// The most states that any automaton on the way from the formula may have
+    #[arg(long, value_name = "N", default_value_t = Limits::default().states, help_heading = "Translation")]
+    pub(super) max_states: usize,
+    /// The most transitions that any automaton on the way from the formula may have
+    #[arg(long, value_name = "N", default_value_t = Limits::default().transitions, help_heading = "Translation")]
+    pub(super) max_transitions: usize,
+    /// The most seconds to translate for
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 10,
+        help_heading = "Translation"
+    )]
+    pub(super) max_translation: u32,
+}
+
+impl From<&LimitArgs> for Limits {
+    fn from(args: &LimitArgs) -> Self {
+        Self {
+            states: args.max_states,
+            transitions: args.max_transitions,
+            time: Some(Duration::from_secs(args.max_translation.into())),
+        }
+    }
 }
 
 /// How to print an automaton.

@@ -62,7 +62,7 @@ pub(super) fn read(args: &PlanArgs, console: &Console) -> Result<(Scenario, Task
         Some(file) => {
             Task::from_nba(files::automaton(file, &scenario)?).map_err(MissionError::from)?
         }
-        None => mission::task(&scenario)?,
+        None => mission::task_within(&scenario, &(&args.limits).into())?,
     };
     Ok((scenario, task, translated.elapsed().as_secs_f64()))
 }

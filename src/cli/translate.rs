@@ -17,7 +17,7 @@ pub(super) fn run(args: &TranslateArgs, console: &Console) -> Result<(), Failure
         Some(_) => on_map(args)?,
         None => alone(&args.formula)?,
     };
-    let nba = translate(&parsed.formula, alphabet, &Limits::default())
+    let nba = translate(&parsed.formula, alphabet, &Limits::from(&args.limits))
         .map_err(|e| Failure::input(e.to_string()))?;
     let task = Task::from_trimmed(nba, Some(parsed.formula.clone()));
     let written = show(&task.nba, args.format);

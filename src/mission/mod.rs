@@ -159,11 +159,20 @@ pub fn plan(scenario: &Scenario, options: &Options) -> Result<Planned, MissionEr
 /// # Errors
 /// A formula with `X` off a grid, one that nothing satisfies, or one that is too large to translate.
 pub fn task(scenario: &Scenario) -> Result<Task, MissionError> {
+    task_within(scenario, &Limits::default())
+}
+
+/// As [`task`], within other limits of the translation than the default ones: to visit 15 places in any order takes an
+/// automaton of 2¹⁵ states.
+///
+/// # Errors
+/// See [`task`].
+pub fn task_within(scenario: &Scenario, limits: &Limits) -> Result<Task, MissionError> {
     if scenario.formula.has_next() && scenario.grid.is_none() {
         return Err(MissionError::Next);
     }
     let letters = Arc::clone(scenario.workspace.alphabet());
-    match Task::from_formula(&scenario.formula, Arc::clone(&letters), &Limits::default()) {
+    match Task::from_formula(&scenario.formula, Arc::clone(&letters), limits) {
         Err(TaskError::NotWithTheseLetters { .. }) => {
             Err(NotOnThisMap::new(&scenario.formula, &letters).into())
         }

@@ -171,13 +171,6 @@ impl Panel<'_> {
 }
 
 /// Packs a matrix (rows, depth), given by its elements, into panels; rows beyond the last are 0.
-pub fn panels(rows: usize, depth: usize, element: impl Fn(usize, usize) -> f32) -> Vec<f32> {
-    let mut packed = vec![0.0; rows.next_multiple_of(PANEL) * depth];
-    fill_panels(&mut packed, rows, depth, element);
-    packed
-}
-
-/// As [`panels`], into memory that is at hand.
 pub(super) fn fill_panels(
     packed: &mut [f32],
     rows: usize,
@@ -202,6 +195,12 @@ pub(super) fn fill_panels(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn panels(rows: usize, depth: usize, element: impl Fn(usize, usize) -> f32) -> Vec<f32> {
+        let mut packed = vec![0.0; rows.next_multiple_of(PANEL) * depth];
+        fill_panels(&mut packed, rows, depth, element);
+        packed
+    }
 
     #[test]
     fn products_of_all_shapes_match_the_definition() {

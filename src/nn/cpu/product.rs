@@ -126,7 +126,8 @@ impl Panel<'_> {
             let column = done * S::F32_LANES;
             done += match vectors - done {
                 1 => self.strip::<S, FROM, ROWS, 1>(simd, y, column),
-                2 => self.strip::<S, FROM, ROWS, 2>(simd, y, column),
+                // Four are two and two: a single vector's products wait for their factors.
+                2 | 4 => self.strip::<S, FROM, ROWS, 2>(simd, y, column),
                 n if ROWS == 1 && n >= 6 => self.strip::<S, FROM, ROWS, 6>(simd, y, column),
                 _ => self.strip::<S, FROM, ROWS, 3>(simd, y, column),
             };

@@ -432,7 +432,7 @@ fn compiled_kernels_are_kept_and_what_is_wrong_with_them_is_no_error() {
         std::fs::write(&file, &damaged).unwrap();
         start(&folder);
         assert_ne!(std::fs::read(&file).unwrap(), damaged);
-        assert_eq!(files(), [file.clone()]);
+        assert_eq!(files(), std::slice::from_ref(&file));
     }
     // A folder that cannot be: the file stands where it would have to.
     start(&file.join("kernels"));

@@ -32,7 +32,7 @@ impl ModelInfo {
     /// Reads a weight file and checks it as loading does.
     ///
     /// # Errors
-    /// As [`Predictor::load`].
+    /// As [`Predictor::load`](super::Predictor::load).
     pub fn read(path: &Path) -> Result<Self, LoadError> {
         let file = path.display().to_string();
         match std::fs::read(path) {

@@ -32,7 +32,7 @@ impl Extent {
     }
 }
 
-/// The number of a buffer of a [`Program`].
+/// The number of a buffer of a [`Program`](super::Program).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct BufferId(pub u32);
 
@@ -44,7 +44,7 @@ impl BufferId {
     }
 }
 
-/// The number of a constant of a [`Program`].
+/// The number of a constant of a [`Program`](super::Program).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ConstantId(pub u32);
 

@@ -8,31 +8,16 @@ struct Params {
 }
 @group(0) @binding(0) var<uniform> p: Params;
 
-const THREADS: u32 = 64u;
-var<workgroup> partial: array<f32, THREADS>;
-
 @compute @workgroup_size(THREADS)
-fn main(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) index: u32,
-) {
-    for (var channel = group.x; channel < p.channels; channel += groups.x) {
+fn main(thread: Thread) {
+    for (var channel = thread.group.x; channel < p.channels; channel += thread.groups.x) {
         var sum = 0.0;
-        for (var i = index; i < p.cells; i += THREADS) {
+        for (var i = thread.index; i < p.cells; i += THREADS) {
             sum += x[p.x_offset + channel * p.cells + i];
         }
-        partial[index] = sum;
-        workgroupBarrier();
-        for (var half = THREADS / 2u; half > 0u; half /= 2u) {
-            if index < half {
-                partial[index] += partial[index + half];
-            }
-            workgroupBarrier();
+        sum = workgroup_sum(sum, thread);
+        if thread.index == 0u {
+            y[p.y_offset + channel] = sum / f32(p.cells);
         }
-        if index == 0u {
-            y[p.y_offset + channel] = partial[0] / f32(p.cells);
-        }
-        workgroupBarrier();
     }
 }

@@ -12,18 +12,23 @@ struct Params {
 }
 @group(0) @binding(0) var<uniform> p: Params;
 
-@compute @workgroup_size(64)
-fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
-    for (var i = id.x; i < p.count; i += 64u * groups.x) {
+// One workgroup per value.
+@compute @workgroup_size(THREADS)
+fn main(thread: Thread) {
+    for (var i = thread.group.x; i < p.count; i += thread.groups.x) {
         let region = i / p.channels;
         let channel = i % p.channels;
         var sum = 0.0;
         var weights = 0.0;
-        for (var cell = 0u; cell < p.cells; cell++) {
+        for (var cell = thread.index; cell < p.cells; cell += THREADS) {
             let w = second[p.mask_offset + region * p.cells + cell];
             sum += w * x[p.x_offset + channel * p.cells + cell];
             weights += w;
         }
-        y[p.y_offset + region * p.y_stride + channel] = select(0.0, sum / weights, weights > 0.0);
+        sum = workgroup_sum(sum, thread);
+        weights = workgroup_sum(weights, thread);
+        if thread.index == 0u {
+            y[p.y_offset + region * p.y_stride + channel] = select(0.0, sum / weights, weights > 0.0);
+        }
     }
 }

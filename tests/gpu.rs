@@ -8,16 +8,20 @@
 
 mod common;
 
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, OnceLock};
 
 use nalgebra::Point2;
+use nngtl::bench::inference::SampleMission;
 use nngtl::encoding::{AutomatonGraph, MapInput, MapTensor};
 use nngtl::nn::Predictor;
-use nngtl::nn::device::{DeviceChoice, DeviceKind, Fallback};
-use nngtl::nn::gpu::Gpu;
+use nngtl::nn::device::{AdapterSummary, DeviceChoice, DeviceKind, Fallback};
 use nngtl::nn::gpu::kernels::Tile;
+use nngtl::nn::gpu::{Gpu, GpuSettings, Use};
 use nngtl::nn::inputs::Inputs;
-use nngtl::nn::program::{Extent, Op, Program, Source};
+use nngtl::nn::models::Model;
+use nngtl::nn::program::{Activation, Extent, Op, Program, Source};
+use nngtl::nn::weights::WeightFile;
 
 /// How far an adapter's probabilities may be from PyTorch's: its order of summation and its
 /// exponential are its own.
@@ -257,6 +261,225 @@ fn weights_of_half_precision_stay_so_on_the_device() {
         assert!(error < HALF_TOLERANCE, "{}: off by {error}", golden.name);
         assert_ne!(halved, whole, "{}: nothing was rounded", golden.name);
     }
+}
+
+/// An adapter with an ability switched on, or a printed line where it lacks that.
+fn with_ability(
+    choice: DeviceChoice,
+    settings: &GpuSettings,
+    has: impl Fn(&AdapterSummary) -> bool,
+) -> Option<Gpu> {
+    let gpu = Gpu::open_with(choice, &[], settings).unwrap();
+    let adapters = nngtl::nn::device::adapters();
+    if adapters.iter().any(|a| a.name == gpu.name() && has(a)) {
+        return Some(gpu);
+    }
+    println!("skipped: {} lacks the ability for {settings:?}", gpu.name());
+    None
+}
+
+#[test]
+fn products_in_16_bit_floats_are_near_pytorch() {
+    // Eleven bits for factors, products and sums of sixteen: 2⁻¹¹ in each layer, some twenty of
+    // them, on probabilities.
+    const NARROW_TOLERANCE: f32 = 1e-2;
+    let Some((choice, _turn)) = device("products_in_16_bit_floats_are_near_pytorch") else {
+        return;
+    };
+    let settings = GpuSettings {
+        narrow: Use::On,
+        ..GpuSettings::default()
+    };
+    let Some(gpu) = with_ability(choice, &settings, |a| a.f16) else {
+        return;
+    };
+    for golden in common::model_goldens() {
+        let inputs = Inputs {
+            map: &golden.map,
+            graph: &golden.graph,
+            given: &[],
+        };
+        for half in [false, true] {
+            let mut program = golden.model.program.clone();
+            program.half = half;
+            let narrow = run(&gpu, &program, &inputs);
+            let error = common::difference(&narrow, &golden.output);
+            println!(
+                "{}, 16-bit products, weights halved {half}: {error:.1e}",
+                golden.name
+            );
+            assert!(error < NARROW_TOLERANCE, "{}: off by {error}", golden.name);
+            assert_ne!(
+                narrow, golden.output,
+                "{}: nothing was rounded",
+                golden.name
+            );
+        }
+    }
+}
+
+#[test]
+fn values_beyond_16_bit_floats_are_computed_in_32() {
+    let Some((choice, _turn)) = device("values_beyond_16_bit_floats_are_computed_in_32") else {
+        return;
+    };
+    let settings = GpuSettings {
+        narrow: Use::On,
+        ..GpuSettings::default()
+    };
+    let Some(gpu) = with_ability(choice, &settings, |a| a.f16) else {
+        return;
+    };
+    let mut program = Program::default();
+    let x = program.matrix(Extent::Fixed(1), 2);
+    program.input(Source::Constant(3e4), x);
+    let y = program.matrix(Extent::Fixed(1), 1);
+    let weight = program.constant(nngtl::nn::weights::linear_weights(&[2.0, 3.0], 1));
+    let bias = program.constant(vec![1.0]);
+    program.push(Op::Linear {
+        x,
+        second: None,
+        weight,
+        bias,
+        activation: Activation::None,
+        y,
+    });
+    program.output = Some(y);
+    let map = MapTensor::default();
+    let graph = AutomatonGraph {
+        regions: 0,
+        states: vec![[0.0; 3]],
+        literals: Vec::new(),
+        ends: Vec::new(),
+    };
+    let inputs = Inputs {
+        map: &map,
+        graph: &graph,
+        given: &[],
+    };
+    assert_eq!(run(&gpu, &program, &inputs), [150_001.0]);
+}
+
+#[test]
+fn sums_by_subgroups_agree_with_pytorch() {
+    let Some((choice, _turn)) = device("sums_by_subgroups_agree_with_pytorch") else {
+        return;
+    };
+    let settings = GpuSettings {
+        subgroups: Use::On,
+        ..GpuSettings::default()
+    };
+    let Some(gpu) = with_ability(choice, &settings, |a| a.subgroups) else {
+        return;
+    };
+    for case in common::ops::cases() {
+        case.check(&mut |program, inputs| run(&gpu, program, inputs));
+    }
+}
+
+#[test]
+fn compiled_kernels_are_kept_and_what_is_wrong_with_them_is_no_error() {
+    let test = "compiled_kernels_are_kept_and_what_is_wrong_with_them_is_no_error";
+    let Some((choice, _turn)) = device(test) else {
+        return;
+    };
+    let golden = common::model_goldens().remove(0);
+    let inputs = Inputs {
+        map: &golden.map,
+        graph: &golden.graph,
+        given: &[],
+    };
+    let programs = [&golden.model.program];
+    let start = |folder: &Path| {
+        let settings = GpuSettings {
+            kernel_cache: Some(folder.to_owned()),
+            ..GpuSettings::default()
+        };
+        let begin = std::time::Instant::now();
+        let gpu = Gpu::open_with(choice, &programs, &settings).unwrap();
+        let output = gpu.run(&programs, &[inputs]).unwrap().remove(0);
+        println!("start with {}: {:?}", folder.display(), begin.elapsed());
+        let error = common::difference(&output, &golden.output);
+        assert!(error < MODEL_TOLERANCE, "off by {error}");
+    };
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("kernels");
+    start(&folder);
+    let has = |a: &AdapterSummary| a.pipeline_cache;
+    if with_ability(choice, &GpuSettings::default(), has).is_none() {
+        assert!(!folder.exists(), "nothing is kept without a cache");
+        return;
+    }
+    let files = || -> Vec<PathBuf> {
+        let entries = std::fs::read_dir(&folder).unwrap();
+        entries.map(|entry| entry.unwrap().path()).collect()
+    };
+    let [file] = files()
+        .try_into()
+        .expect("one file, nothing left beside it");
+    let kept = std::fs::read(&file).unwrap();
+    // Warm: there is nothing new to be kept.
+    let written = || std::fs::metadata(&file).unwrap().modified().unwrap();
+    let before = written();
+    start(&folder);
+    assert_eq!(written(), before);
+    // Damaged and cut short: compiled anew, and mended.
+    for damaged in [
+        [&kept[..kept.len() - 1], &[kept[kept.len() - 1] ^ 1]].concat(),
+        kept[..kept.len() / 2].to_vec(),
+        Vec::new(),
+    ] {
+        std::fs::write(&file, &damaged).unwrap();
+        start(&folder);
+        assert_ne!(std::fs::read(&file).unwrap(), damaged);
+        assert_eq!(files(), std::slice::from_ref(&file));
+    }
+    // A folder that cannot be: the file stands where it would have to.
+    start(&file.join("kernels"));
+}
+
+#[test]
+fn what_both_networks_see_is_sent_once() {
+    let Some((_, gpu)) = device("what_both_networks_see_is_sent_once") else {
+        return;
+    };
+    let built_in = nngtl::nn::embedded()
+        .unwrap()
+        .map(|bytes| Model::new(&WeightFile::parse("built-in", bytes).unwrap()).unwrap());
+    let mission = SampleMission::default();
+    let map = mission.raster(built_in[0].program.resolution);
+    let inputs = mission.inputs(&map);
+    let programs = built_in.each_ref().map(|m| &m.program);
+    let sent = |work: &mut dyn FnMut() -> Vec<Vec<f32>>| {
+        let before = gpu.uploaded();
+        (work(), gpu.uploaded() - before)
+    };
+    let (alone, apart) = sent(&mut || programs.map(|p| run(&gpu, p, &inputs)).to_vec());
+    gpu.reload(&programs).unwrap();
+    for _ in 0..2 {
+        let (both, together) = sent(&mut || gpu.run(&programs, &[inputs, inputs]).unwrap());
+        assert_eq!(both, alone);
+        println!("sent {together} bytes together, {apart} apart");
+        assert!(together < apart, "{together} bytes together, {apart} apart");
+    }
+    // Networks that are shown different missions get what is theirs.
+    let other = AutomatonGraph {
+        regions: 1,
+        states: vec![[1.0, 0.0, 0.5], [0.0, 1.0, 0.0]],
+        literals: vec![1, -1, 0],
+        ends: vec![(0, 1), (0, 0), (1, 1)],
+    };
+    let second = Inputs {
+        graph: &other,
+        ..inputs
+    };
+    let expected = [
+        run(&gpu, programs[0], &inputs),
+        run(&gpu, programs[1], &second),
+    ];
+    gpu.reload(&programs).unwrap();
+    assert_eq!(gpu.run(&programs, &[inputs, second]).unwrap(), expected);
+    assert_eq!(gpu.run(&programs, &[inputs, inputs]).unwrap(), alone);
 }
 
 #[test]

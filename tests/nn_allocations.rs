@@ -14,7 +14,7 @@ use serde_json::json;
 
 fn models() -> Vec<Model> {
     let built_in = embedded().into_iter().flatten();
-    let mut files: Vec<WeightFile> = built_in
+    let mut files: Vec<WeightFile<'_>> = built_in
         .map(|bytes| WeightFile::parse("built-in", bytes).unwrap())
         .collect();
     let paper = [

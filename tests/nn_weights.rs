@@ -2,10 +2,11 @@
 
 mod common;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use nngtl::nn::models::Model;
-use nngtl::nn::weights::{Fault, WeightError, WeightFile};
+use nngtl::nn::weights::{Fault, Tensor, WeightError, WeightFile};
 use proptest::prelude::*;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use sha2::{Digest, Sha256};
@@ -90,6 +91,22 @@ fn faults(bytes: &[u8]) -> Vec<Fault> {
 fn an_untouched_file_loads() {
     assert!(load(&bytes()).is_ok());
     assert!(load(&Parts::new().assemble()).is_ok());
+}
+
+#[test]
+fn weights_are_the_same_wherever_a_file_lies_in_memory() {
+    let whole = bytes();
+    let expected = load(&whole).unwrap().program.constants;
+    for shift in 1..4 {
+        let moved = [&vec![0; shift], whole.as_slice()].concat();
+        assert_eq!(load(&moved[shift..]).unwrap().program.constants, expected);
+    }
+    // The built-in ones lie so that they need not be copied.
+    for bytes in nngtl::nn::embedded().unwrap() {
+        let file = WeightFile::parse("built-in", bytes).unwrap();
+        let borrowed = |t: &Tensor<'_>| matches!(t.values, Cow::Borrowed(_));
+        assert!(cfg!(target_endian = "big") || file.tensors.values().all(borrowed));
+    }
 }
 
 #[test]

@@ -8,11 +8,11 @@ use super::console::Console;
 use super::failure::Failure;
 use super::files;
 use crate::bench::inference::{
-    BenchDevice, InferenceBench, InferenceTable, Network, Weights, break_even, generated_cases,
-    paper_networks,
+    BenchDevice, InferenceBench, InferenceTable, Network, StartRow, Weights, break_even,
+    generated_cases, paper_networks,
 };
 use crate::mission::MissionError;
-use crate::nn::{DeviceChoice, LoadOptions, MODEL_FILES, Predictor, embedded};
+use crate::nn::{DeviceChoice, LoadError, LoadOptions, MODEL_FILES, Predictor, embedded};
 use crate::planner::Settings;
 
 /// Where weights are looked for if none are named.
@@ -53,6 +53,14 @@ pub(super) fn run(args: &BenchInferenceArgs, console: &Console) -> Result<(), Fa
             .map_err(|e| Failure::input(e.to_string()))?;
     }
     bar.finish_and_clear();
+    let model = model(args);
+    for device in &devices {
+        // Opening an adapter takes its time.
+        let runs = if device.kind() == "cpu" { 25 } else { 3 };
+        let name = model.map_or_else(|| "built-in".to_owned(), |m| m.display().to_string());
+        let row = StartRow::measure(&name, device, runs, |choice| load(model, choice.into()));
+        table.start.extend(row.map_err(MissionError::from)?);
+    }
     if args.missions > 0 {
         table.break_even = guidance(args, console)?;
     }
@@ -153,6 +161,19 @@ fn folders_in(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
+/// The folder that is named, if one is: else the built-in networks are meant.
+fn model(args: &BenchInferenceArgs) -> Option<&Path> {
+    let mut named = args.model.iter().map(PathBuf::as_path);
+    named.find(|path| path.is_dir())
+}
+
+fn load(model: Option<&Path>, options: LoadOptions) -> Result<Predictor, LoadError> {
+    match model {
+        Some(folder) => Predictor::load(folder, options),
+        None => Predictor::embedded(options),
+    }
+}
+
 /// Biased search against guided search with inference included.
 fn guidance(
     args: &BenchInferenceArgs,
@@ -163,11 +184,7 @@ fn guidance(
         threads: args.threads,
         ..LoadOptions::default()
     };
-    let loaded = match args.model.iter().find(|path| path.is_dir()) {
-        Some(folder) => Predictor::load(folder, options),
-        None => Predictor::embedded(options),
-    };
-    let mut predictor = loaded.map_err(MissionError::from)?;
+    let mut predictor = load(model(args), options).map_err(MissionError::from)?;
     let cases = if args.scenarios.is_empty() {
         generated_cases(args.seed, args.missions, &mut predictor)
     } else {

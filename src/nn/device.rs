@@ -219,7 +219,8 @@ impl Backend {
 
     #[cfg(feature = "gpu")]
     fn open_gpu(wanted: DeviceChoice, programs: [&Program; 2]) -> Result<Self, Fallback> {
-        super::gpu::Gpu::open(wanted, &programs).map(Self::Gpu)
+        let settings = super::gpu::GpuSettings::from_env();
+        super::gpu::Gpu::open_with(wanted, &programs, &settings).map(Self::Gpu)
     }
 
     #[cfg(not(feature = "gpu"))]

@@ -1,66 +1,26 @@
 //! Both networks on a device: from an encoded mission to guidance.
 
-use std::path::Path;
+mod info;
+mod load;
+
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
-use sha2::{Digest, Sha256};
 
-use super::config::Kind;
 use super::cpu::{Planes, PlanesMut, Scratch, Session, upsample};
-use super::device::{Backend, DeviceChoice, Estimate, Fallback};
+use super::device::{Backend, Estimate, Fallback};
 use super::inputs::Inputs;
 use super::models::Model;
-use super::program::{GraphSize, Program};
-use super::weights::{WeightError, WeightFile, hex};
+use super::program::Program;
 use crate::encoding::{AutomatonGraph, Encoding, MapInput, MapTensor};
 use crate::guidance::{Guidance, Heatmap};
 
+pub use info::ModelInfo;
+pub use load::{LoadError, LoadOptions, MODEL_FILES, embedded};
+
 /// Cells per side of the heatmap (`nngtl.md`, IV-A).
 pub const HEATMAP_SIDE: usize = 200;
-
-/// The file names of a model's two networks in its directory.
-pub const MODEL_FILES: [&str; 2] = ["pathnet.safetensors", "statenet.safetensors"];
-
-/// The weights that are built into the program, PathNet's and StateNet's.
-#[must_use]
-pub fn embedded() -> Option<[&'static [u8]; 2]> {
-    Some([
-        include_bytes!("../../models/compact/pathnet.safetensors"),
-        include_bytes!("../../models/compact/statenet.safetensors"),
-    ])
-}
-
-/// Why a model could not be loaded.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum LoadError {
-    /// A file could not be read.
-    #[error("cannot read weight file {file}: {source}")]
-    Read {
-        /// Its path.
-        file: String,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// A file is at fault.
-    #[error(transparent)]
-    Weights(#[from] WeightError),
-    /// A file holds the other network.
-    #[error("{file} holds a {found:?}, expected a {expected:?}: exchange the two files")]
-    Kind {
-        /// Which file.
-        file: String,
-        /// What it holds.
-        found: Kind,
-        /// What was expected.
-        expected: Kind,
-    },
-    /// No weights are built in.
-    #[error("no weights are built into this program: name a directory with weights")]
-    NotEmbedded,
-}
 
 /// Why a mission has no prediction.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -87,36 +47,6 @@ pub enum PredictError {
     NotFinite,
 }
 
-/// How to load a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LoadOptions {
-    /// Which device is wanted.
-    pub device: DeviceChoice,
-    /// How many missions will be predicted, roughly: `auto` weighs start-up against it.
-    pub missions: usize,
-    /// Threads of the CPU path; they are used where they pay.
-    pub threads: usize,
-}
-
-impl Default for LoadOptions {
-    fn default() -> Self {
-        Self {
-            device: DeviceChoice::Auto,
-            missions: 1,
-            threads: 1,
-        }
-    }
-}
-
-impl From<DeviceChoice> for LoadOptions {
-    fn from(device: DeviceChoice) -> Self {
-        Self {
-            device,
-            ..Self::default()
-        }
-    }
-}
-
 /// Where the time of a prediction went.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timings {
@@ -133,12 +63,6 @@ pub type EncodedMission<'a> = (&'a MapInput<'a>, &'a AutomatonGraph);
 
 /// Missions that are encoded, and sent to an adapter, at a time.
 const BATCH: usize = 32;
-
-/// The automaton size that device estimates assume; the map's part of the work is far larger.
-const TYPICAL: GraphSize = GraphSize {
-    states: 12,
-    transitions: 60,
-};
 
 /// Both networks, loaded and ready to predict.
 ///
@@ -158,97 +82,10 @@ pub struct Predictor {
 }
 
 impl Predictor {
-    /// Loads `pathnet.safetensors` and `statenet.safetensors` from a directory.
-    ///
-    /// A device that cannot be had is no error: the predictor falls back to the CPU and
-    /// [`Self::take_notice`] says why.
-    ///
-    /// # Errors
-    /// Files that cannot be read or are at fault.
-    pub fn load(directory: &Path, options: impl Into<LoadOptions>) -> Result<Self, LoadError> {
-        let read = |name: &str| {
-            let path = directory.join(name);
-            let file = path.display().to_string();
-            match std::fs::read(&path) {
-                Ok(bytes) => Ok((file, bytes)),
-                Err(source) => Err(LoadError::Read { file, source }),
-            }
-        };
-        let [path, state] = MODEL_FILES.map(read);
-        let (path, state) = (path?, state?);
-        Self::from_bytes([(&path.0, &path.1), (&state.0, &state.1)], options)
-    }
-
-    /// Loads the weights that are built into the program.
-    ///
-    /// # Errors
-    /// If there are none.
-    pub fn embedded(options: impl Into<LoadOptions>) -> Result<Self, LoadError> {
-        let [path, state] = embedded().ok_or(LoadError::NotEmbedded)?;
-        Self::from_files(
-            [
-                WeightFile::parse_trusted("built-in PathNet", path),
-                WeightFile::parse_trusted("built-in StateNet", state),
-            ],
-            options,
-        )
-    }
-
-    /// Loads PathNet and StateNet from the contents of their files; each comes with a name for
-    /// messages.
-    ///
-    /// # Errors
-    /// Files that are at fault.
-    pub fn from_bytes(
-        files: [(&str, &[u8]); 2],
-        options: impl Into<LoadOptions>,
-    ) -> Result<Self, LoadError> {
-        Self::from_files(
-            files.map(|(name, bytes)| WeightFile::parse(name, bytes)),
-            options,
-        )
-    }
-
-    fn from_files(
-        [path, state]: [Result<WeightFile, WeightError>; 2],
-        options: impl Into<LoadOptions>,
-    ) -> Result<Self, LoadError> {
-        // Tell all that is wrong with either file at once.
-        let files = match (path, state) {
-            (Ok(path), Ok(state)) => [path, state],
-            (Err(error), Ok(_)) | (Ok(_), Err(error)) => return Err(error.into()),
-            (Err(mut a), Err(b)) => {
-                a.file = format!("{}, {}", a.file, b.file);
-                a.faults.extend(b.faults);
-                return Err(a.into());
-            }
-        };
-        let hash = model_hash(&files);
-        let models = [
-            model(&files[0], Kind::PathNet)?,
-            model(&files[1], Kind::StateNet)?,
-        ];
-        let options = options.into();
-        let estimate = estimate(&models, &options);
-        let begin = Instant::now();
-        let programs = models.each_ref().map(|m| &m.program);
-        let (backend, notice) = Backend::open(options.device, estimate, programs);
-        Ok(Self {
-            models: Arc::new(models),
-            hash,
-            backend,
-            sessions: [Session::new(options.threads), Session::new(options.threads)],
-            rasters: Vec::new(),
-            threads: options.threads,
-            start: begin.elapsed(),
-            notice,
-        })
-    }
-
     /// What `auto` weighs for this model.
     #[must_use]
     pub fn estimate(&self, options: &LoadOptions) -> Estimate {
-        estimate(&self.models, options)
+        load::estimate(&self.models, options)
     }
 
     /// The number of region channels: missions with more used regions have no prediction.
@@ -533,94 +370,5 @@ fn sharpen(cells: &mut [f32], power: f32) {
         cells
             .iter_mut()
             .for_each(|p| *p = libm::powf(*p / largest, power));
-    }
-}
-
-fn estimate(models: &[Model; 2], options: &LoadOptions) -> Estimate {
-    let work = models
-        .iter()
-        .map(|m| m.program.multiply_adds(TYPICAL))
-        .sum();
-    Estimate::new(work, options.missions, options.threads)
-}
-
-fn model(file: &WeightFile, expected: Kind) -> Result<Model, LoadError> {
-    let model = Model::new(file)?;
-    let found = model.config.kind();
-    if found == expected {
-        Ok(model)
-    } else {
-        Err(LoadError::Kind {
-            file: file.name.clone(),
-            found,
-            expected,
-        })
-    }
-}
-
-fn model_hash(files: &[WeightFile; 2]) -> String {
-    let mut digest = Sha256::new();
-    for file in files {
-        digest.update(file.sha256.as_bytes());
-        digest.update(file.config.to_string().as_bytes());
-    }
-    hex(&digest.finalize())
-}
-
-/// What a weight file holds: for people to read.
-#[derive(Clone, Debug, serde::Serialize)]
-pub struct ModelInfo {
-    /// The file.
-    pub file: String,
-    /// Its size in bytes.
-    pub bytes: usize,
-    /// The configuration.
-    pub config: serde_json::Value,
-    /// The training record.
-    pub training: serde_json::Value,
-    /// The digest of the tensors.
-    pub sha256: String,
-    /// Name, shape and stored type of each tensor, by name.
-    pub tensors: Vec<(String, Vec<usize>, &'static str)>,
-    /// How many numbers the tensors hold.
-    pub parameters: usize,
-    /// Multiply-adds of one run, for an automaton of 12 states and 60 transitions.
-    pub multiply_adds: u64,
-}
-
-impl ModelInfo {
-    /// Reads a weight file and checks it as loading does.
-    ///
-    /// # Errors
-    /// As [`Predictor::load`].
-    pub fn read(path: &Path) -> Result<Self, LoadError> {
-        let file = path.display().to_string();
-        match std::fs::read(path) {
-            Ok(bytes) => Self::parse(&file, &bytes),
-            Err(source) => Err(LoadError::Read { file, source }),
-        }
-    }
-
-    /// As [`Self::read`], from a file's contents.
-    ///
-    /// # Errors
-    /// Files that are at fault.
-    pub fn parse(name: &str, bytes: &[u8]) -> Result<Self, LoadError> {
-        let file = WeightFile::parse(name, bytes)?;
-        let model = Model::new(&file)?;
-        Ok(Self {
-            parameters: file.parameters(),
-            multiply_adds: model.program.multiply_adds(TYPICAL),
-            bytes: bytes.len(),
-            tensors: file
-                .tensors
-                .into_iter()
-                .map(|(name, t)| (name, t.shape, t.stored))
-                .collect(),
-            file: file.name,
-            config: file.config,
-            training: file.training,
-            sha256: file.sha256,
-        })
     }
 }

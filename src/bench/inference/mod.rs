@@ -6,6 +6,7 @@
 mod break_even;
 mod networks;
 mod plot;
+mod start;
 mod text;
 
 use std::time::{Duration, Instant};
@@ -23,6 +24,7 @@ use crate::nn::weights::WeightError;
 
 pub use break_even::{BreakEven, MissionTimes, break_even, generated_cases};
 pub use networks::{Network, SampleMission, WIDTHS, Weights, paper_networks};
+pub use start::StartRow;
 
 /// How long to measure.
 #[derive(Clone, Debug, Serialize)]
@@ -98,6 +100,8 @@ pub struct InferenceTable {
     pub machine: String,
     /// The devices.
     pub devices: Vec<DeviceRow>,
+    /// What a single mission waits for, on each device.
+    pub start: Vec<StartRow>,
     /// One row for each network and device.
     pub rows: Vec<InferenceRow>,
     /// From when on guidance pays, if that was measured.
@@ -119,6 +123,7 @@ impl InferenceTable {
                 vectors()
             ),
             devices: Vec::new(),
+            start: Vec::new(),
             rows: Vec::new(),
             break_even: None,
         }
@@ -302,6 +307,16 @@ impl BenchDevice {
         }
     }
 
+    /// What names it to a predictor.
+    #[must_use]
+    pub fn choice(&self) -> crate::nn::DeviceChoice {
+        match self {
+            Self::Cpu => crate::nn::DeviceChoice::Cpu,
+            #[cfg(feature = "gpu")]
+            Self::Adapter(choice, ..) => *choice,
+        }
+    }
+
     /// Makes ready to run a network, or nothing if the device cannot.
     #[cfg_attr(not(feature = "gpu"), allow(unused_variables))] // only adapters upload weights
     fn open(&self, program: &Program, threads: usize) -> Option<Run> {
@@ -314,7 +329,8 @@ impl BenchDevice {
             }
             #[cfg(feature = "gpu")]
             Self::Adapter(choice, ..) => {
-                let gpu = crate::nn::gpu::Gpu::open(*choice, &[program]).ok()?;
+                let settings = crate::nn::gpu::GpuSettings::from_env();
+                let gpu = crate::nn::gpu::Gpu::open_with(*choice, &[program], &settings).ok()?;
                 Some(Box::new(move |program, inputs| {
                     gpu.run(&[program], &[*inputs]).is_ok()
                 }))

@@ -29,7 +29,7 @@ pub enum Weights {
     /// A weight file's contents: reading and checking them is part of the start.
     File(Vec<u8>),
     /// Random weights, which exist in memory alone.
-    Random(Box<WeightFile>),
+    Random(Box<WeightFile<'static>>),
 }
 
 impl Network {

@@ -21,6 +21,17 @@ impl InferenceTable {
                 device.name, device.kind, device.peak_gflops
             );
         }
+        if !self.start.is_empty() {
+            text.push_str("\n| before the first inference | device | load, median | least | first prediction, median | least |\n| --- | --- | ---: | ---: | ---: | ---: |\n");
+        }
+        for r in &self.start {
+            let (load, first) = (&r.load_ms, &r.first_ms);
+            let _ = writeln!(
+                text,
+                "| {} | {} | {:.2} | {:.2} | {:.2} | {:.2} |",
+                r.model, r.device, load.median, load.min, first.median, first.min
+            );
+        }
         text.push_str("\n| network | device | GFLOP | start | first run | median | 95 % | least | CPU time | GFLOP/s | of peak |\n");
         text.push_str(
             "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n",

@@ -63,7 +63,7 @@ pub fn conv2d(
     });
     padded.offsets(taps, offsets);
     let (cells, width) = (y.height * y.width, y.width);
-    let strip = padded.strip(y.channels);
+    let strip = padded.strip(y.channels, y.height);
     super::share(
         *threads,
         y,

@@ -44,7 +44,7 @@ pub fn conv_transpose2d(x: Planes<'_>, k: &Kernel<'_>, y: PlanesMut<'_>, scratch
     padded.offsets((0..taps * taps).map(tap), offsets);
     let depth = offsets.len();
     let of_residue = y.channels.next_multiple_of(PANEL) * depth;
-    let strip = padded.strip(stride * y.channels);
+    let strip = padded.strip(stride * y.channels, height.div_ceil(stride));
     super::share(
         *threads,
         y,

@@ -14,6 +14,11 @@ use super::views::Planes;
 /// core's own cache while one panel of weights after the other passes over it.
 const STRIP: usize = 64 * 1024;
 
+/// Columns of a strip, at least where there are as many: each weight that comes from memory is used
+/// for so many cells. Layers of few cells have more weights than any cache holds, which would
+/// else come anew for every two or three rows.
+const LEAST_COLUMNS: usize = 192;
+
 /// Padded planes: `planes[((c * phases + ry) * phases + rx) * size ..]` holds, in rows of
 /// `width`, the input cells `(stride·q + r − padding)` of channel `c`.
 #[derive(Clone, Copy, Debug)]
@@ -83,10 +88,15 @@ impl Padded {
         (plane * self.size() + shift[0] * self.width + shift[1]) as u32
     }
 
-    /// Rows of a strip whose results and inputs fit into the cache.
-    pub(super) fn strip(&self, out: usize) -> usize {
+    /// Rows of each strip of an output of `out` channels and `height` rows: results and inputs fit
+    /// into the cache, unless the weights would pass through it too often.
+    pub(super) fn strip(&self, out: usize, height: usize) -> usize {
         let inputs = self.channels * self.phases * self.phases;
-        (STRIP / ((out + inputs) * self.width).max(1)).max(1)
+        let fitting = STRIP / ((out + inputs) * self.width).max(1);
+        let enough = LEAST_COLUMNS.div_ceil(self.width.max(1));
+        let rows = fitting.max(enough).clamp(1, height.max(1));
+        // Strips of equal size.
+        height.div_ceil(height.div_ceil(rows).max(1)).max(1)
     }
 
     /// Columns of the product that gives `rows` rows of an output that is `width` wide: what is

@@ -126,7 +126,8 @@ impl Panel<'_> {
             let column = done * S::F32_LANES;
             done += match vectors - done {
                 1 => self.strip::<S, FROM, ROWS, 1>(simd, y, column),
-                2 => self.strip::<S, FROM, ROWS, 2>(simd, y, column),
+                // Four are two and two: a single vector's products wait for their factors.
+                2 | 4 => self.strip::<S, FROM, ROWS, 2>(simd, y, column),
                 n if ROWS == 1 && n >= 6 => self.strip::<S, FROM, ROWS, 6>(simd, y, column),
                 _ => self.strip::<S, FROM, ROWS, 3>(simd, y, column),
             };
@@ -171,13 +172,6 @@ impl Panel<'_> {
 }
 
 /// Packs a matrix (rows, depth), given by its elements, into panels; rows beyond the last are 0.
-pub fn panels(rows: usize, depth: usize, element: impl Fn(usize, usize) -> f32) -> Vec<f32> {
-    let mut packed = vec![0.0; rows.next_multiple_of(PANEL) * depth];
-    fill_panels(&mut packed, rows, depth, element);
-    packed
-}
-
-/// As [`panels`], into memory that is at hand.
 pub(super) fn fill_panels(
     packed: &mut [f32],
     rows: usize,
@@ -202,6 +196,12 @@ pub(super) fn fill_panels(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn panels(rows: usize, depth: usize, element: impl Fn(usize, usize) -> f32) -> Vec<f32> {
+        let mut packed = vec![0.0; rows.next_multiple_of(PANEL) * depth];
+        fill_panels(&mut packed, rows, depth, element);
+        packed
+    }
 
     #[test]
     fn products_of_all_shapes_match_the_definition() {

@@ -10,6 +10,11 @@ use crate::nn::device::{AdapterSummary, DeviceChoice, DeviceKind, Fallback};
 /// hardware reliably.
 const BACKENDS: wgpu::Backends = wgpu::Backends::PRIMARY;
 
+/// Abilities that are used where they are there, and never required.
+const WELCOME: Features = Features::SHADER_F16
+    .union(Features::SUBGROUP)
+    .union(Features::PIPELINE_CACHE);
+
 /// An open device.
 #[derive(Debug)]
 pub(super) struct Opened {
@@ -19,6 +24,9 @@ pub(super) struct Opened {
     pub(super) queue: wgpu::Queue,
     /// Whether it unpacks 16-bit floats; all do but some old ones.
     pub(super) half: bool,
+    /// The abilities beyond the defaults that it was opened with: those of [`WELCOME`] that it has.
+    pub(super) features: Features,
+    pub(super) info: wgpu::AdapterInfo,
     /// What went wrong outside every error scope, first of all the loss of the device.
     pub(super) trouble: Arc<Mutex<Option<String>>>,
 }
@@ -87,6 +95,7 @@ pub(super) fn open(wanted: DeviceChoice, largest: u64) -> Result<Opened, Fallbac
     let descriptor = wgpu::DeviceDescriptor {
         label: Some("nngtl"),
         required_limits: limits,
+        required_features: best.features() & WELCOME,
         ..Default::default()
     };
     let (device, queue) =
@@ -108,6 +117,8 @@ pub(super) fn open(wanted: DeviceChoice, largest: u64) -> Result<Opened, Fallbac
             .flags
             .contains(wgpu::DownlevelFlags::SHADER_F16_IN_F32),
         name,
+        features: best.features() & WELCOME,
+        info: best.get_info(),
         device,
         queue,
         trouble,

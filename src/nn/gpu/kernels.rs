@@ -1,16 +1,27 @@
 //! The shaders and how they are put together.
 
+use sha2::{Digest as _, Sha256};
+
+use crate::nn::weights::hex;
+
 /// Prepended to every kernel.
 const COMMON: &str = include_str!("../../../shaders/common.wgsl");
 
 /// Appended to kernels that are products.
 const TILE: &str = include_str!("../../../shaders/tile.wgsl");
 
+/// Prepended to kernels that add up values of a whole workgroup: without and with subgroup
+/// operations.
+const REDUCE: [&str; 2] = [
+    include_str!("../../../shaders/reduce.wgsl"),
+    include_str!("../../../shaders/reduce_subgroups.wgsl"),
+];
+
 /// Picks the tile for a result of so many rows and columns.
 pub type TileRule = fn(usize, usize) -> Tile;
 
 /// The shape of a product's workgroup: 4·`rows` outputs by 4·`columns` cells a tile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Tile {
     /// Threads along the outputs.
     pub rows: u32,
@@ -49,16 +60,31 @@ impl Tile {
 }
 
 /// A kernel in one of its shapes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Kernel {
     /// The name: that of the shader's file and of the CPU's function.
     pub name: &'static str,
     /// The workgroup of a product.
     pub tile: Option<Tile>,
-    /// Whether a product's weights are stored as 16-bit floats. They are computed with as 32-bit
-    /// floats all the same, which takes no feature.
+    /// Whether a product's weights are stored as 16-bit floats. That alone takes no feature: they
+    /// are unpacked as they are read.
     pub half: bool,
+    /// Whether a product is computed in 16-bit floats, with sums of sixteen products added up in
+    /// 32 bits. Takes the feature `SHADER_F16`.
+    pub narrow: bool,
+    /// Whether sums over a workgroup take subgroup operations. Takes the feature `SUBGROUP`.
+    pub subgroups: bool,
 }
+
+/// Lines of the products' text where they are computed in 32-bit floats, and what stands there
+/// otherwise.
+const NARROW: [(&str, &str); 2] = [
+    ("alias Number = f32; // f32", "alias Number = f16;"),
+    (
+        "const NARROW: bool = false; // f32",
+        "const NARROW: bool = true;",
+    ),
+];
 
 /// Lines of the common text where weights are 32-bit floats, and what stands there otherwise.
 const HALF: [(&str, &str); 2] = [
@@ -104,7 +130,15 @@ impl Kernel {
             name,
             tile: product.then_some(Tile::DEFAULT),
             half: false,
+            narrow: false,
+            subgroups: false,
         }
+    }
+
+    /// Whether it adds up values of a whole workgroup, so that subgroup operations serve it.
+    #[must_use]
+    pub fn reduces(&self) -> bool {
+        matches!(self.name, "global_mean_pool" | "region_mean")
     }
 
     /// The whole text of the shader.
@@ -121,19 +155,40 @@ impl Kernel {
                 common = common.replace(whole, half);
             }
         }
-        match self.tile {
-            None => format!("{common}{text}"),
-            Some(Tile { rows, columns }) => {
-                let tile = TILE
-                    .replace("THREADS_M: u32 = 8u", &format!("THREADS_M: u32 = {rows}u"))
-                    .replace(
-                        "THREADS_N: u32 = 8u",
-                        &format!("THREADS_N: u32 = {columns}u"),
-                    );
-                format!("{common}{text}{tile}")
-            }
+        let Some(Tile { rows, columns }) = self.tile else {
+            let reduce = if self.reduces() {
+                REDUCE[usize::from(self.subgroups)]
+            } else {
+                ""
+            };
+            return format!("{common}{reduce}{text}");
+        };
+        let mut tile = TILE
+            .replace("THREADS_M: u32 = 8u", &format!("THREADS_M: u32 = {rows}u"))
+            .replace(
+                "THREADS_N: u32 = 8u",
+                &format!("THREADS_N: u32 = {columns}u"),
+            );
+        if !self.narrow {
+            return format!("{common}{text}{tile}");
         }
+        for (wide, narrow) in NARROW {
+            tile = tile.replace(wide, narrow);
+        }
+        format!("enable f16;\n{common}{text}{tile}")
     }
+}
+
+/// A digest of all that shaders are made from: whether kernels that were compiled once are still
+/// those that would be compiled today.
+#[must_use]
+pub fn digest() -> String {
+    let mut digest = Sha256::new();
+    let parts = [COMMON, TILE, REDUCE[0], REDUCE[1]];
+    for text in parts.iter().chain(SHADERS.iter().map(|(_, text)| text)) {
+        digest.update(text.as_bytes());
+    }
+    hex(&digest.finalize())
 }
 
 #[cfg(test)]
@@ -151,6 +206,10 @@ mod tests {
         for &(name, _) in SHADERS {
             let kernel = Kernel::new(name);
             kernels.push(kernel);
+            kernels.push(Kernel {
+                subgroups: kernel.reduces(),
+                ..kernel
+            });
             if kernel.tile.is_some() {
                 let sizes = [1, 8, 12, 40, 100, 5000];
                 let pairs = sizes
@@ -158,21 +217,24 @@ mod tests {
                     .flat_map(|&r| sizes.iter().map(move |&c| (r, c)));
                 let tiles: Vec<Tile> = pairs.map(|(r, c)| Tile::for_hardware(r, c)).collect();
                 kernels.extend(tiles.iter().flat_map(|&t| {
-                    [false, true].map(|half| Kernel {
-                        tile: Some(t),
-                        name,
-                        half,
-                    })
+                    [(false, false), (false, true), (true, false), (true, true)].map(
+                        |(half, narrow)| Kernel {
+                            tile: Some(t),
+                            half,
+                            narrow,
+                            ..kernel
+                        },
+                    )
                 }));
             }
         }
-        kernels.sort_by_key(|k| (k.name, k.tile.map(|t| (t.rows, t.columns)), k.half));
+        kernels.sort_unstable();
         kernels.dedup();
         kernels
     }
 
     #[test]
-    fn weights_of_half_precision_are_read_as_such() {
+    fn variants_differ_in_the_marked_lines() {
         for (whole, half) in HALF {
             assert_eq!(COMMON.matches(whole).count(), 1, "{whole}");
             let kernel = Kernel {
@@ -180,6 +242,14 @@ mod tests {
                 ..Kernel::new("linear")
             };
             assert!(kernel.source().contains(half));
+        }
+        for (wide, narrow) in NARROW {
+            assert_eq!(TILE.matches(wide).count(), 1, "{wide}");
+            let kernel = Kernel {
+                narrow: true,
+                ..Kernel::new("linear")
+            };
+            assert!(kernel.source().contains(narrow));
         }
     }
 
@@ -193,15 +263,16 @@ mod tests {
     fn every_shader_is_valid_within_the_default_limits() {
         for kernel in all() {
             let module = parse(&kernel);
-            let (flags, none) = (
-                naga::valid::ValidationFlags::all(),
-                if kernel.half {
-                    naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32
-                } else {
-                    naga::valid::Capabilities::empty()
-                },
-            );
-            let checked = naga::valid::Validator::new(flags, none).validate(&module);
+            use naga::valid::Capabilities;
+            let needed = [
+                (kernel.half, Capabilities::SHADER_FLOAT16_IN_FLOAT32),
+                (kernel.narrow, Capabilities::SHADER_FLOAT16),
+                (kernel.subgroups, Capabilities::SUBGROUP),
+            ];
+            let needed = needed.into_iter().filter(|(needs, _)| *needs);
+            let needed: Capabilities = needed.map(|(_, capability)| capability).collect();
+            let flags = naga::valid::ValidationFlags::all();
+            let checked = naga::valid::Validator::new(flags, needed).validate(&module);
             checked
                 .unwrap_or_else(|e| panic!("{kernel:?}: {}", e.emit_to_string(&kernel.source())));
             let [x, y, z] = module.entry_points[0].workgroup_size;
@@ -250,7 +321,15 @@ mod tests {
         let files: BTreeSet<String> = std::fs::read_dir(folder)
             .unwrap()
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
-            .filter(|name| name != "common.wgsl" && name != "tile.wgsl")
+            .filter(|name| {
+                let parts = [
+                    "common.wgsl",
+                    "reduce.wgsl",
+                    "reduce_subgroups.wgsl",
+                    "tile.wgsl",
+                ];
+                !parts.contains(&name.as_str())
+            })
             .collect();
         let known: BTreeSet<String> = SHADERS
             .iter()

@@ -1,6 +1,6 @@
 //! The bindings that all kernels share.
 
-use wgpu::{BindGroupLayout, BufferBindingType, Device, PipelineLayout};
+use wgpu::{BindGroupLayout, Buffer, BufferBindingType, BufferUsages, Device, PipelineLayout};
 
 /// One layout serves every kernel: parameters, and six storage buffers.
 #[derive(Debug)]
@@ -48,7 +48,12 @@ impl Layout {
     }
 }
 
-/// The next multiple of `step`.
-pub(super) fn round_up(value: usize, step: usize) -> usize {
-    value.div_ceil(step) * step
+/// A buffer for at least so many values.
+pub(super) fn storage(device: &Device, label: &str, values: usize) -> Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: 4 * values.max(4).next_multiple_of(4) as u64,
+        usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    })
 }

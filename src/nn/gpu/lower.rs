@@ -229,7 +229,7 @@ pub(super) fn lower(
                 y_stride: n(y.stride),
                 count: n(values(y)),
             };
-            threads(p, values(y), at)
+            groups(p, values(y), at)
         }
         Op::SignMean {
             literals,

@@ -2,29 +2,37 @@
 //!
 //! Kernels stand in `shaders/`, one per operation, each with a CPU twin of its name. Weights and
 //! values stay on the device: an inference is one upload of the encoded mission, one submission
-//! for both networks, and one read-back. Default limits and no features suffice; a program with a
-//! buffer above the default binding size asks for that much more.
+//! for both networks, and one read-back. What both networks see is uploaded once. Default limits
+//! and no features suffice; a program with a buffer above the default binding size asks for that
+//! much more, and 16-bit arithmetic, subgroup operations and the driver's cache of compiled kernels
+//! are used where they are there ([`GpuSettings`]).
 
 mod adapters;
+mod cache;
 pub mod kernels;
 mod layout;
 mod lower;
 mod params;
 mod pipelines;
 mod session;
+mod settings;
+mod uploads;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use adapters::Opened;
+use cache::KernelCache;
 use kernels::{Tile, TileRule};
 use layout::Layout;
 use lower::Dispatch;
 use pipelines::Pipelines;
 use session::GpuSession;
+use uploads::{EdgeBuffers, Uploads};
 
 pub(crate) use adapters::list;
+pub use settings::{CACHE_VARIABLE, GpuSettings, NARROW_VARIABLE, SUBGROUPS_VARIABLE, Use};
 
 use super::device::{DeviceChoice, DeviceKind, Fallback};
 use super::inputs::Inputs;
@@ -46,17 +54,69 @@ struct Inner {
     opened: Opened,
     layout: Layout,
     tiles: TileRule,
+    abilities: Abilities,
+    cache: Option<KernelCache>,
     pipelines: Pipelines,
     sessions: Vec<GpuSession>,
+    edges: EdgeBuffers,
     readback: Option<wgpu::Buffer>,
+    /// Bytes of inputs that were uploaded so far.
+    sent: u64,
+}
+
+/// What of an adapter's abilities is used.
+#[derive(Clone, Copy, Debug)]
+struct Abilities {
+    /// Whether kernels unpack 16-bit floats.
+    half: bool,
+    /// Whether there is arithmetic in 16-bit floats, and whether to use it.
+    f16: bool,
+    narrow: Use,
+    subgroups: bool,
+    hardware: bool,
+}
+
+impl Abilities {
+    fn new(opened: &Opened, settings: &GpuSettings) -> Self {
+        let hardware = opened.kind != DeviceKind::Software;
+        let has = |feature| opened.features.contains(feature);
+        Self {
+            half: opened.half,
+            f16: has(wgpu::Features::SHADER_F16),
+            narrow: settings.narrow,
+            subgroups: settings
+                .subgroups
+                .decide(has(wgpu::Features::SUBGROUP), hardware),
+            hardware,
+        }
+    }
+
+    /// Whether the products of this program are computed in 16-bit floats. By default where its
+    /// weights were rounded to them anyway, on hardware, which computes two in the time of one.
+    fn narrow(&self, program: &Program) -> bool {
+        self.narrow.decide(self.f16, self.hardware && program.half)
+    }
 }
 
 impl Gpu {
-    /// Opens the best adapter of the wanted kind and uploads the programs' weights.
+    /// Opens the best adapter of the wanted kind with default settings, and uploads the programs'
+    /// weights.
     ///
     /// # Errors
     /// No such adapter, or it cannot hold these programs.
     pub fn open(wanted: DeviceChoice, programs: &[&Program]) -> Result<Self, Fallback> {
+        Self::open_with(wanted, programs, &GpuSettings::default())
+    }
+
+    /// As [`Self::open`], with settings.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_with(
+        wanted: DeviceChoice,
+        programs: &[&Program],
+        settings: &GpuSettings,
+    ) -> Result<Self, Fallback> {
         let buffers = programs.iter().flat_map(|p| {
             let fixed = p
                 .buffers
@@ -81,16 +141,23 @@ impl Gpu {
                 device: name.clone(),
                 reason,
             };
-            let (device, queue, half) = (&opened.device, &opened.queue, opened.half);
+            let (device, queue) = (&opened.device, &opened.queue);
+            let abilities = Abilities::new(&opened, settings);
             let made = scoped(device, || {
                 let layout = Layout::new(device);
                 let sessions = programs
                     .iter()
-                    .map(|p| GpuSession::new(device, queue, p, half))
+                    .map(|p| GpuSession::new(device, queue, p, &abilities))
                     .collect();
                 (layout, sessions)
             });
             let (layout, sessions) = made.map_err(unfit)?;
+            let cache = settings.kernel_cache.as_ref().and_then(|folder| {
+                let keeps = opened.features.contains(wgpu::Features::PIPELINE_CACHE);
+                let open = || KernelCache::open(device, &opened.info, folder);
+                // A driver that cannot open its cache has none.
+                keeps.then(|| scoped(device, open).ok().flatten()).flatten()
+            });
             let inner = Inner {
                 opened,
                 layout,
@@ -99,9 +166,13 @@ impl Gpu {
                 } else {
                     Tile::for_hardware
                 },
+                abilities,
+                cache,
                 pipelines: Pipelines::default(),
                 sessions,
+                edges: EdgeBuffers::default(),
                 readback: None,
+                sent: 0,
             };
             Ok(Self {
                 name,
@@ -129,16 +200,12 @@ impl Gpu {
     /// If the device cannot hold them.
     pub fn reload(&self, programs: &[&Program]) -> Result<(), Fallback> {
         let mut inner = self.lock();
-        let Opened {
-            device,
-            queue,
-            half,
-            ..
-        } = &inner.opened;
+        let Opened { device, queue, .. } = &inner.opened;
+        let abilities = inner.abilities;
         let sessions = scoped(device, || {
             programs
                 .iter()
-                .map(|p| GpuSession::new(device, queue, p, *half))
+                .map(|p| GpuSession::new(device, queue, p, &abilities))
                 .collect()
         });
         inner.sessions = sessions.map_err(|reason| Fallback::Unfit {
@@ -151,6 +218,13 @@ impl Gpu {
     /// Replaces the rule by which products get their tiles: to tune it, or to test all of them.
     pub fn use_tiles(&self, rule: TileRule) {
         self.lock().tiles = rule;
+    }
+
+    /// Bytes of inputs that were uploaded so far: for tests that nothing is sent twice.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn uploaded(&self) -> u64 {
+        self.lock().sent
     }
 
     /// Runs the programs that [`Self::open`] was given, each on its inputs, in one submission, and
@@ -178,7 +252,7 @@ impl Gpu {
         missions: &[&[Inputs<'_>]],
     ) -> Result<Vec<Vec<Vec<f32>>>, Fallback> {
         let mut inner = self.lock();
-        let outcome = catch_unwind(AssertUnwindSafe(|| inner.run(programs, missions)))
+        let outcome = catch_unwind(AssertUnwindSafe(|| inner.run_soundly(programs, missions)))
             .unwrap_or_else(|_| Err("its driver broke".to_owned()));
         outcome.map_err(|reason| {
             // It may wait for results for ever.
@@ -203,6 +277,26 @@ impl Gpu {
 }
 
 impl Inner {
+    /// Runs in 16-bit floats, where that is asked for, as long as their range suffices.
+    fn run_soundly(
+        &mut self,
+        programs: &[&Program],
+        missions: &[&[Inputs<'_>]],
+    ) -> Result<Vec<Vec<Vec<f32>>>, String> {
+        let outputs = self.run(programs, missions)?;
+        let narrow = self.sessions.iter().any(|session| session.narrow);
+        let finite = || outputs.iter().flatten().flatten().all(|v| v.is_finite());
+        if !narrow || finite() {
+            return Ok(outputs);
+        }
+        log::warn!(
+            "{}: values do not fit into 16-bit floats, computed in 32 bits from here on",
+            self.opened.name
+        );
+        self.sessions.iter_mut().for_each(|s| s.narrow = false);
+        self.run(programs, missions)
+    }
+
     fn run(
         &mut self,
         programs: &[&Program],
@@ -212,9 +306,13 @@ impl Inner {
             opened,
             layout,
             tiles,
+            cache,
             pipelines,
             sessions,
+            edges,
             readback,
+            sent,
+            ..
         } = self;
         let Opened {
             device,
@@ -233,21 +331,29 @@ impl Inner {
         if readback.as_ref().is_none_or(|b| b.size() < total) {
             *readback = None;
         }
+        let mut compiled = 0;
         scoped(device, || {
             let target = readback.get_or_insert_with(|| readback_buffer(device, total));
             let mut at = 0;
             for (inputs, lengths) in missions.iter().zip(&lengths) {
+                let numbers = edges.upload(device, queue, inputs, sent);
+                let mut uploads = Uploads::default();
                 let prepared: Vec<Vec<Dispatch>> = sessions
                     .iter_mut()
                     .zip(programs.iter().zip(*inputs))
-                    .map(|(session, (program, input))| {
-                        session.prepare(device, queue, layout, *tiles, program, input)
+                    .zip(&numbers)
+                    .map(|((session, (program, input)), &number)| {
+                        let on = (&*device, &*queue, &*layout, *tiles);
+                        session.prepare(on, program, input, edges.get(number), &mut uploads)
                     })
                     .collect();
-                pipelines.make(device, layout, prepared.iter().flatten());
+                *sent += uploads.bytes;
+                let kept = cache.as_ref().map(KernelCache::pipelines);
+                compiled += pipelines.make(device, layout, kept, prepared.iter().flatten());
                 let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor {
                     label: Some("inference"),
                 });
+                uploads.record(&mut encoder);
                 for (k, dispatches) in prepared.iter().enumerate() {
                     let size = inputs[k].size();
                     sessions[k].record(&mut encoder, pipelines, dispatches);
@@ -285,6 +391,10 @@ impl Inner {
             }
         }
         buffer.unmap();
+        // Only now: some drivers compile when a kernel runs first.
+        if let (Some(cache), true) = (cache, compiled > 0) {
+            cache.keep();
+        }
         Ok(outputs)
     }
 }

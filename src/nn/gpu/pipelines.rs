@@ -1,12 +1,9 @@
 //! Compiled kernels.
-//!
-//! They are kept in memory alone. Drivers keep what they compile on disk by themselves (Mesa and
-//! those of the large vendors do); wgpu's own cache would take bytes from a file on trust.
 
 use std::collections::HashMap;
 
 use rayon::prelude::*;
-use wgpu::{ComputePipeline, Device};
+use wgpu::{ComputePipeline, Device, PipelineCache};
 
 use super::kernels::Kernel;
 use super::layout::Layout;
@@ -28,21 +25,22 @@ impl Pipelines {
         &mut self,
         device: &Device,
         layout: &Layout,
+        cache: Option<&PipelineCache>,
         dispatches: impl Iterator<Item = &'a Dispatch>,
     ) -> usize {
         let mut missing: Vec<Kernel> = dispatches
             .map(|d| d.kernel)
             .filter(|kernel| !self.0.contains_key(kernel))
             .collect();
-        missing.sort_by_key(|k| (k.name, k.tile.map(|t| (t.rows, t.columns)), k.half));
+        missing.sort_unstable();
         missing.dedup();
         let count = missing.len();
         let made: Vec<(Kernel, ComputePipeline)> = match missing.as_slice() {
             [] => return 0,
-            [kernel] => vec![(*kernel, pipeline(device, layout, *kernel))],
+            [kernel] => vec![(*kernel, pipeline(device, layout, cache, *kernel))],
             _ => missing
                 .into_par_iter()
-                .map(|kernel| (kernel, pipeline(device, layout, kernel)))
+                .map(|kernel| (kernel, pipeline(device, layout, cache, kernel)))
                 .collect(),
         };
         self.0.extend(made);
@@ -50,7 +48,12 @@ impl Pipelines {
     }
 }
 
-fn pipeline(device: &Device, layout: &Layout, kernel: Kernel) -> ComputePipeline {
+fn pipeline(
+    device: &Device,
+    layout: &Layout,
+    cache: Option<&PipelineCache>,
+    kernel: Kernel,
+) -> ComputePipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(kernel.name),
         source: wgpu::ShaderSource::Wgsl(kernel.source().into()),
@@ -61,6 +64,6 @@ fn pipeline(device: &Device, layout: &Layout, kernel: Kernel) -> ComputePipeline
         module: &module,
         entry_point: Some("main"),
         compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
+        cache,
     })
 }

@@ -3,12 +3,14 @@
 use half::slice::HalfFloatSliceExt as _;
 use wgpu::{BindGroup, Buffer, BufferUsages, Device, Queue};
 
+use super::Abilities;
 use super::kernels::TileRule;
-use super::layout::{Layout, round_up};
-use super::lower::{Dispatch, EdgeOffsets, Slot, lower};
+use super::layout::{Layout, storage};
+use super::lower::{Dispatch, Slot, lower};
 use super::pipelines::Pipelines;
+use super::uploads::{EdgeBuffer, Uploads};
 use crate::nn::inputs::Inputs;
-use crate::nn::program::{Edges, GraphSize, Op, Program};
+use crate::nn::program::{GraphSize, Op, Program};
 
 /// Bytes between the parameters of one operation and the next: the largest alignment that the
 /// default limits allow devices to ask for.
@@ -22,24 +24,31 @@ pub(super) struct GpuSession {
     nothing: Buffer,
     /// Whether the weights of products are 16-bit floats.
     half: bool,
+    /// Whether products are computed in 16-bit floats.
+    pub(super) narrow: bool,
+    /// Whether sums take subgroup operations.
+    subgroups: bool,
     room: Option<Room>,
-    staging: Vec<f32>,
 }
 
 /// Buffers and bind groups for automata up to some size.
 #[derive(Debug)]
 struct Room {
     capacity: GraphSize,
-    edge_capacity: usize,
     buffers: Vec<Buffer>,
     edges: Buffer,
     groups: Vec<BindGroup>,
 }
 
 impl GpuSession {
-    /// Uploads a program's weights; `half` says whether the device unpacks 16-bit floats.
-    pub(super) fn new(device: &Device, queue: &Queue, program: &Program, half: bool) -> Self {
-        let half = half && program.half;
+    /// Uploads a program's weights.
+    pub(super) fn new(
+        device: &Device,
+        queue: &Queue,
+        program: &Program,
+        abilities: &Abilities,
+    ) -> Self {
+        let half = abilities.half && program.half;
         let halved = halved(program, half);
         let constants = program
             .constants
@@ -71,8 +80,9 @@ impl GpuSession {
             params,
             nothing,
             half,
+            narrow: abilities.narrow(program),
+            subgroups: abilities.subgroups,
             room: None,
-            staging: Vec::new(),
         }
     }
 
@@ -82,37 +92,29 @@ impl GpuSession {
         4 * (output.rows.rows(size) * output.columns) as u64
     }
 
-    /// Uploads an encoded mission and returns the dispatches that compute its output.
-    pub(super) fn prepare(
+    /// Uploads an encoded mission, as far as that was not done for another program, and returns
+    /// the dispatches that compute its output.
+    pub(super) fn prepare<'a>(
         &mut self,
-        device: &Device,
-        queue: &Queue,
-        layout: &Layout,
-        tiles: TileRule,
-        program: &Program,
-        inputs: &Inputs<'_>,
+        on: (&Device, &Queue, &Layout, TileRule),
+        program: &'a Program,
+        inputs: &Inputs<'a>,
+        edges: &EdgeBuffer,
+        uploads: &mut Uploads<'a>,
     ) -> Vec<Dispatch> {
+        let (device, queue, layout, tiles) = on;
         let size = inputs.size();
-        let (edges, offsets) = edge_words(inputs);
-        self.make_room(device, layout, program, size, edges.len());
+        self.make_room(device, layout, program, size, &edges.buffer);
         let room = self.room.as_ref().expect("room was just made");
-        queue.write_buffer(&room.edges, 0, bytemuck::cast_slice(&edges));
         // Inputs that share a buffer are uploaded together.
         let mut filled: Vec<usize> = program.inputs.iter().map(|i| i.at.buffer.index()).collect();
         filled.sort_unstable();
         filled.dedup();
         for index in filled {
+            let list = program.inputs.iter();
+            let list: Vec<_> = list.filter(|i| i.at.buffer.index() == index).collect();
             let len = program.buffers[index].len(size);
-            self.staging.clear();
-            self.staging.resize(len, 0.0);
-            for input in program
-                .inputs
-                .iter()
-                .filter(|i| i.at.buffer.index() == index)
-            {
-                inputs.fill(input, &mut self.staging);
-            }
-            queue.write_buffer(&room.buffers[index], 0, bytemuck::cast_slice(&self.staging));
+            uploads.fill(queue, inputs, &list, &room.buffers[index], len);
         }
         let mut words = vec![0u8; PARAMS_STRIDE as usize * program.ops.len().max(1)];
         let mut dispatches = Vec::with_capacity(program.ops.len());
@@ -121,8 +123,11 @@ impl GpuSession {
             .iter()
             .zip(words.chunks_exact_mut(PARAMS_STRIDE as usize))
         {
-            let mut dispatch = lower(op, size, &offsets, tiles, at);
-            dispatch.kernel.half = self.half && dispatch.kernel.tile.is_some();
+            let mut dispatch = lower(op, size, &edges.offsets, tiles, at);
+            let kernel = &mut dispatch.kernel;
+            kernel.half = self.half && kernel.tile.is_some();
+            kernel.narrow = self.narrow && kernel.tile.is_some();
+            kernel.subgroups = self.subgroups && kernel.reduces();
             dispatches.push(dispatch);
         }
         queue.write_buffer(&self.params, 0, &words);
@@ -180,12 +185,12 @@ impl GpuSession {
         layout: &Layout,
         program: &Program,
         size: GraphSize,
-        edges: usize,
+        edges: &Buffer,
     ) {
         if let Some(room) = &self.room
             && room.capacity.states >= size.states
             && room.capacity.transitions >= size.transitions
-            && room.edge_capacity >= edges
+            && room.edges == *edges
         {
             return;
         }
@@ -196,23 +201,20 @@ impl GpuSession {
             states: grown(size.states, old.states),
             transitions: grown(size.transitions, old.transitions),
         };
-        let edge_capacity = edges + edges / 2;
         let buffers: Vec<Buffer> = program
             .buffers
             .iter()
             .map(|b| storage(device, "values", b.len(capacity)))
             .collect();
-        let edges = storage(device, "edges", edge_capacity);
         let groups = program
             .ops
             .iter()
-            .map(|op| self.group(device, layout, &buffers, &edges, op))
+            .map(|op| self.group(device, layout, &buffers, edges, op))
             .collect();
         self.room = Some(Room {
             capacity,
-            edge_capacity,
             buffers,
-            edges,
+            edges: edges.clone(),
             groups,
         });
     }
@@ -269,28 +271,4 @@ fn halved(program: &Program, half: bool) -> Vec<bool> {
         }
     }
     halved
-}
-
-fn storage(device: &Device, label: &str, values: usize) -> Buffer {
-    device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some(label),
-        size: 4 * round_up(values.max(4), 4) as u64,
-        usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
-        mapped_at_creation: false,
-    })
-}
-
-/// The edges of all types one after the other, and where each type's begin.
-fn edge_words(inputs: &Inputs<'_>) -> (Vec<u32>, EdgeOffsets) {
-    let (mut words, mut offsets) = (Vec::new(), EdgeOffsets::default());
-    for edges in Edges::ALL {
-        let list = edges.incoming(inputs.graph);
-        offsets.0[edges as usize] = (
-            words.len() as u32,
-            (words.len() + list.offsets.len()) as u32,
-        );
-        words.extend(list.offsets);
-        words.extend(list.sources);
-    }
-    (words, offsets)
 }

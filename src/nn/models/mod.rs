@@ -27,7 +27,7 @@ impl Model {
     ///
     /// # Errors
     /// A false configuration; tensors that are missing, mis-shaped or left over.
-    pub fn new(file: &WeightFile) -> Result<Self, WeightError> {
+    pub fn new(file: &WeightFile<'_>) -> Result<Self, WeightError> {
         let config = Config::parse(&file.config).map_err(|faults| WeightError {
             file: file.name.clone(),
             faults,

@@ -1,5 +1,6 @@
 //! Reading a file into tensors.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, HashSet};
 use std::fmt;
 
@@ -11,18 +12,19 @@ use super::{Fault, WeightError};
 
 /// A tensor as it stands in a file, its values as `f32`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tensor {
+pub struct Tensor<'a> {
     /// The sizes of its axes.
     pub shape: Vec<usize>,
     /// `F32` or `F16`, as stored.
     pub stored: &'static str,
-    /// The values, last axis fastest.
-    pub values: Vec<f32>,
+    /// The values, last axis fastest: the file's own bytes where they are `f32` in this machine's
+    /// order and place, so that weights are copied once only, by who packs them.
+    pub values: Cow<'a, [f32]>,
 }
 
 /// The contents of a weight file, checked as far as that is possible without knowing the model.
 #[derive(Debug, Clone)]
-pub struct WeightFile {
+pub struct WeightFile<'a> {
     /// The file's name, for messages.
     pub name: String,
     /// The `config` of its metadata.
@@ -32,26 +34,27 @@ pub struct WeightFile {
     /// The digest of the tensor buffer, in hexadecimal.
     pub sha256: String,
     /// The tensors by name.
-    pub tensors: BTreeMap<String, Tensor>,
+    pub tensors: BTreeMap<String, Tensor<'a>>,
 }
 
-impl WeightFile {
+impl<'a> WeightFile<'a> {
     /// Reads a file's bytes; `name` stands for the file in messages.
     ///
     /// # Errors
     /// A broken structure, a name that stands twice, missing metadata, a digest that does not
     /// match, tensors that are not `f32` or `f16`, or that hold NaN or infinite values.
-    pub fn parse(name: &str, bytes: &[u8]) -> Result<Self, WeightError> {
+    pub fn parse(name: &str, bytes: &'a [u8]) -> Result<Self, WeightError> {
         Self::read(name, bytes, false)
     }
 
     /// As [`Self::parse`], for bytes that are part of the program: their digest is the one they
-    /// state, and their values are finite, which a test has checked once and for all.
-    pub(in crate::nn) fn parse_trusted(name: &str, bytes: &[u8]) -> Result<Self, WeightError> {
+    /// state, their values are finite and no name stands twice, which a test has checked once and
+    /// for all.
+    pub(in crate::nn) fn parse_trusted(name: &str, bytes: &'a [u8]) -> Result<Self, WeightError> {
         Self::read(name, bytes, true)
     }
 
-    fn read(name: &str, bytes: &[u8], trusted: bool) -> Result<Self, WeightError> {
+    fn read(name: &str, bytes: &'a [u8], trusted: bool) -> Result<Self, WeightError> {
         let fail = |faults| WeightError {
             file: name.to_owned(),
             faults,
@@ -63,7 +66,11 @@ impl WeightFile {
         if text.first() != Some(&b'{') {
             return Err(broken("the header does not begin with `{`".to_owned()));
         }
-        let mut faults = duplicates(text);
+        let mut faults = if trusted {
+            Vec::new()
+        } else {
+            duplicates(text)
+        };
         let mut entry = |key: &'static str| {
             let found = header.metadata().as_ref().and_then(|m| m.get(key)).cloned();
             if found.is_none() {
@@ -95,16 +102,18 @@ impl WeightFile {
                 expected: stated,
             });
         }
-        let tensors = SafeTensors::deserialize(bytes).map_err(|e| broken(e.to_string()))?;
-        let tensors = tensors
-            .iter()
-            .filter_map(|(name, view)| {
-                let tensor = read_tensor(name, view.dtype(), view.shape(), view.data());
+        let tensors = header
+            .tensors()
+            .into_iter()
+            .filter_map(|(name, info)| {
+                // Reading the header has checked that these lie in the buffer, one after the other.
+                let data = &buffer[info.data_offsets.0..info.data_offsets.1];
+                let tensor = read_tensor(&name, info.dtype, &info.shape, data);
                 let tensor = tensor.map_err(|fault| faults.push(fault)).ok()?;
                 if !trusted {
-                    faults.extend(not_finite(name, &tensor.values));
+                    faults.extend(not_finite(&name, &tensor.values));
                 }
-                Some((name.to_owned(), tensor))
+                Some((name, tensor))
             })
             .collect();
         if !faults.is_empty() {
@@ -127,24 +136,18 @@ impl WeightFile {
     }
 }
 
-fn read_tensor(name: &str, dtype: Dtype, shape: &[usize], data: &[u8]) -> Result<Tensor, Fault> {
-    let (stored, values): (_, Vec<f32>) = match dtype {
-        Dtype::F32 => {
-            let (words, _) = data.as_chunks::<4>();
-            (
-                "F32",
-                words.iter().map(|&b| f32::from_le_bytes(b)).collect(),
-            )
-        }
+fn read_tensor<'a>(
+    name: &str,
+    dtype: Dtype,
+    shape: &[usize],
+    data: &'a [u8],
+) -> Result<Tensor<'a>, Fault> {
+    let (stored, values) = match dtype {
+        Dtype::F32 => ("F32", singles(data)),
         Dtype::F16 => {
             let (words, _) = data.as_chunks::<2>();
-            (
-                "F16",
-                words
-                    .iter()
-                    .map(|&b| half::f16::from_le_bytes(b).to_f32())
-                    .collect(),
-            )
+            let values = words.iter().map(|&b| half::f16::from_le_bytes(b).to_f32());
+            ("F16", Cow::Owned(values.collect()))
         }
         other => {
             return Err(Fault::Type {
@@ -158,6 +161,17 @@ fn read_tensor(name: &str, dtype: Dtype, shape: &[usize], data: &[u8]) -> Result
         stored,
         values,
     })
+}
+
+/// Numbers in little-endian order, where they stand if they stand right for this machine.
+fn singles(data: &[u8]) -> Cow<'_, [f32]> {
+    match bytemuck::try_cast_slice(data) {
+        Ok(values) if cfg!(target_endian = "little") => Cow::Borrowed(values),
+        _ => {
+            let (words, _) = data.as_chunks::<4>();
+            Cow::Owned(words.iter().map(|&b| f32::from_le_bytes(b)).collect())
+        }
+    }
 }
 
 /// The values that are NaN or infinite, if there are any.

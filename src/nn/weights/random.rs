@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use super::{Fault, Tensor, WeightError, WeightFile};
 use crate::nn::models::Model;
 
-impl WeightFile {
+impl WeightFile<'static> {
     /// A file with random weights for a configuration: to measure how fast a network is, where
     /// it does not matter what it says. Values keep their size from layer to layer.
     ///
@@ -37,7 +37,7 @@ impl WeightFile {
                 Tensor {
                     shape: shape.clone(),
                     stored: "F32",
-                    values,
+                    values: values.into(),
                 },
             );
         }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{Fault, Tensor, WeightError, WeightFile};
-use crate::nn::cpu::product::{LANES, PANEL, panels};
+use crate::nn::cpu::product::{LANES, PANEL};
 use crate::nn::program::{ConstantId, Program, Window};
 
 /// What PyTorch adds to variances.
@@ -24,7 +24,7 @@ pub enum Norm<'a> {
 /// false configuration costs no memory; then on one that fills.
 #[derive(Debug)]
 pub struct TensorSource<'a> {
-    file: &'a WeightFile,
+    file: &'a WeightFile<'a>,
     fills: bool,
     used: BTreeSet<String>,
     faults: Vec<Fault>,
@@ -36,7 +36,7 @@ impl<'a> TensorSource<'a> {
     /// # Errors
     /// Every tensor that is missing, has another shape, or was not asked for.
     pub fn build<T>(
-        file: &'a WeightFile,
+        file: &'a WeightFile<'a>,
         build: impl Fn(&mut TensorSource<'a>, &mut Program) -> T,
     ) -> Result<(Program, T), WeightError> {
         let new = |fills| Self {
@@ -67,8 +67,10 @@ impl<'a> TensorSource<'a> {
     }
 
     /// The tensor called `name`, or none while checking and when it is at fault.
-    fn take(&mut self, name: &str, shape: &[usize]) -> Option<&'a Tensor> {
-        self.used.insert(name.to_owned());
+    fn take(&mut self, name: &str, shape: &[usize]) -> Option<&'a Tensor<'a>> {
+        if !self.fills {
+            self.used.insert(name.to_owned());
+        }
         let fault = match self.file.tensors.get(name) {
             None => Fault::Missing {
                 name: name.to_owned(),
@@ -89,7 +91,7 @@ impl<'a> TensorSource<'a> {
     pub fn plain(&mut self, program: &mut Program, name: &str, shape: &[usize]) -> ConstantId {
         let values = self
             .take(name, shape)
-            .map_or_else(Vec::new, |t| t.values.clone());
+            .map_or_else(Vec::new, |t| t.values.to_vec());
         program.constant(values)
     }
 
@@ -99,7 +101,7 @@ impl<'a> TensorSource<'a> {
         match norm {
             Norm::Bias => self
                 .take(bias, &[channels])
-                .map_or(none, |t| (vec![1.0; channels], t.values.clone())),
+                .map_or(none, |t| (vec![1.0; channels], t.values.to_vec())),
             Norm::Batch(prefix) => {
                 let mut part = |name: &str| self.take(&format!("{prefix}.{name}"), &[channels]);
                 let parts = [
@@ -115,12 +117,12 @@ impl<'a> TensorSource<'a> {
                 let factor: Vec<f32> = weight
                     .values
                     .iter()
-                    .zip(&variance.values)
+                    .zip(variance.values.iter())
                     .map(|(w, v)| {
                         (f64::from(*w) / (f64::from(*v) + f64::from(NORM_EPSILON)).sqrt()) as f32
                     })
                     .collect();
-                let shifted = bias.values.iter().zip(&mean.values).zip(&factor);
+                let shifted = bias.values.iter().zip(mean.values.iter()).zip(&factor);
                 let addend = shifted
                     .map(|((b, m), f)| (f64::from(*b) - f64::from(*m) * f64::from(*f)) as f32)
                     .collect();
@@ -132,7 +134,7 @@ impl<'a> TensorSource<'a> {
     /// A negative variance would turn into NaN only later, far from its cause.
     fn check_variance(&mut self, prefix: &str) {
         let name = format!("{prefix}.running_var");
-        let negative = |t: &Tensor| t.values.iter().any(|&v| v < 0.0);
+        let negative = |t: &Tensor<'_>| t.values.iter().any(|&v| v < 0.0);
         if !self.fills && self.file.tensors.get(&name).is_some_and(negative) {
             self.faults.push(Fault::Variance(name));
         }
@@ -207,7 +209,7 @@ impl<'a> TensorSource<'a> {
         let mut last = |part: &str, shape: &[usize], columns: usize| {
             let values = self
                 .take(&format!("{name}.{part}"), shape)
-                .map_or(&[][..], |t| &t.values);
+                .map_or(&[][..], |t| &*t.values);
             values[values.len().saturating_sub(columns)..].to_vec()
         };
         let weight = linear_weights(&last("weight", &[out, inputs], inputs), 1);
@@ -258,7 +260,7 @@ impl<'a> TensorSource<'a> {
             let (to_source, to_target) = (part("att_src", &[out]), part("att_dst", &[out]));
             for (sum, b) in bias
                 .iter_mut()
-                .zip(part("bias", &[out]).iter().flat_map(|t| &t.values))
+                .zip(part("bias", &[out]).iter().flat_map(|t| t.values.iter()))
             {
                 *sum += share * b;
             }
@@ -284,7 +286,11 @@ pub struct EdgeWeights<'a> {
 }
 
 /// `attᵀ · weight`: the score of a node as a product with its features before projection.
-fn projected(weight: Option<&Tensor>, attention: Option<&Tensor>, inputs: usize) -> Vec<f32> {
+fn projected(
+    weight: Option<&Tensor<'_>>,
+    attention: Option<&Tensor<'_>>,
+    inputs: usize,
+) -> Vec<f32> {
     let (Some(weight), Some(attention)) = (weight, attention) else {
         return Vec::new();
     };
@@ -292,7 +298,7 @@ fn projected(weight: Option<&Tensor>, attention: Option<&Tensor>, inputs: usize)
     for (row, &a) in weight
         .values
         .chunks_exact(inputs.max(1))
-        .zip(&attention.values)
+        .zip(attention.values.iter())
     {
         sums.iter_mut()
             .zip(row)
@@ -302,7 +308,7 @@ fn projected(weight: Option<&Tensor>, attention: Option<&Tensor>, inputs: usize)
 }
 
 /// Linear layers (out, in) over inputs side by side, times `factor`; empty if one is missing.
-fn side_by_side(parts: &[Option<&Tensor>], out: usize, factor: f32) -> Vec<f32> {
+fn side_by_side(parts: &[Option<&Tensor<'_>>], out: usize, factor: f32) -> Vec<f32> {
     let Some(parts) = parts.iter().copied().collect::<Option<Vec<_>>>() else {
         return Vec::new();
     };
@@ -344,10 +350,17 @@ impl Turned {
     /// Writes weights (out, in) times `factor` for the inputs from `first` on; returns how many.
     fn put(&mut self, weight: &[f32], first: usize, factor: f32) -> usize {
         let inputs = weight.len() / self.out.max(1);
-        let rows = self.values.chunks_exact_mut(self.stride.max(1));
-        for (k, row) in rows.skip(first).take(inputs).enumerate() {
-            for (o, to) in row[..self.out].iter_mut().enumerate() {
-                *to = weight[o * inputs + k] * factor;
+        let Self { out, stride, .. } = *self;
+        // Sixteen outputs at a time: their rows are read side by side, lines are written whole.
+        for from in (0..out).step_by(LANES) {
+            let lanes = LANES.min(out - from);
+            let rows = &weight[from * inputs..][..lanes * inputs];
+            let lines = self.values[first * stride..].chunks_exact_mut(stride);
+            for (k, line) in lines.take(inputs).enumerate() {
+                let row = rows[k..].iter().step_by(inputs);
+                for (to, &w) in line[from..][..lanes].iter_mut().zip(row) {
+                    *to = w * factor;
+                }
             }
         }
         inputs
@@ -363,13 +376,15 @@ impl Turned {
 pub fn conv_weights(weight: &[f32], factor: &[f32], inputs: usize, kernel: usize) -> Vec<f32> {
     let depth = inputs * kernel * kernel;
     let mut packed = vec![0.0; factor.len().next_multiple_of(PANEL) * depth];
-    // Row by row: a third of the time of going by elements.
-    for (o, (row, &scale)) in weight.chunks_exact(depth.max(1)).zip(factor).enumerate() {
-        let panel = packed[o / PANEL * PANEL * depth..]
-            .as_chunks_mut::<PANEL>()
-            .0;
-        for (lane, &w) in panel.iter_mut().zip(row) {
-            lane[o % PANEL] = w * scale;
+    let panels = packed.chunks_exact_mut((PANEL * depth).max(1));
+    let rows = weight.chunks((PANEL * depth).max(1));
+    for ((panel, rows), scales) in panels.zip(rows).zip(factor.chunks(PANEL)) {
+        // Eight rows are read side by side, and lanes written whole.
+        for (k, lane) in panel.as_chunks_mut::<PANEL>().0.iter_mut().enumerate() {
+            let row = rows[k..].iter().step_by(depth);
+            for ((to, &w), scale) in lane.iter_mut().zip(row).zip(scales) {
+                *to = w * scale;
+            }
         }
     }
     packed
@@ -394,23 +409,39 @@ pub fn transposed_weights(
         padding,
     } = window;
     let (taps, out) = (window.taps(), factor.len());
+    let (squared, area) = (taps * taps, kernel * kernel);
     let entry = |residue: usize, tap: usize| (residue + padding) % stride + stride * tap;
-    let mut values = Vec::with_capacity(4 * weight.len().next_multiple_of(PANEL) / 3);
+    let of_panel = inputs * squared * PANEL;
+    let of_residue = out.div_ceil(PANEL) * of_panel;
+    let mut values = vec![0.0; stride * stride * of_residue];
+    // Where each tap of each residue stands in a kernel, if it does, and where it goes.
+    let mut moves = Vec::with_capacity(stride * stride * squared);
     for residue in 0..stride * stride {
-        // Where each tap stands in a kernel, if it does.
-        let places: Vec<Option<usize>> = (0..taps * taps)
-            .map(|tap| {
-                let y = entry(residue / stride, tap / taps);
-                let x = entry(residue % stride, tap % taps);
-                (y < kernel && x < kernel).then_some(y * kernel + x)
-            })
-            .collect();
-        values.extend(panels(out, inputs * taps * taps, |o, k| {
-            let (i, tap) = (k / places.len(), k % places.len());
-            places[tap].map_or(0.0, |place| {
-                weight[(i * out + o) * kernel * kernel + place] * factor[o]
-            })
-        }));
+        for tap in 0..squared {
+            let y = entry(residue / stride, tap / taps);
+            let x = entry(residue % stride, tap % taps);
+            if y < kernel && x < kernel {
+                moves.push((y * kernel + x, residue * of_residue + tap * PANEL));
+            }
+        }
+    }
+    for (i, kernels) in weight
+        .chunks_exact((out * area).max(1))
+        .take(inputs)
+        .enumerate()
+    {
+        let panels = kernels.chunks(PANEL * area).zip(factor.chunks(PANEL));
+        for (panel, (kernels, scales)) in panels.enumerate() {
+            let begin = panel * of_panel + i * squared * PANEL;
+            // Eight kernels are read side by side, and lanes written whole.
+            for &(from, to) in &moves {
+                let row = kernels[from..].iter().step_by(area);
+                let lane = &mut values[begin + to..][..PANEL];
+                for ((to, &w), scale) in lane.iter_mut().zip(row).zip(scales) {
+                    *to = w * scale;
+                }
+            }
+        }
     }
     values
 }

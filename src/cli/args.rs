@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::dataset::maps::{Family, UnknownFamily};
 use crate::nn::DeviceChoice;
 use crate::planner::Settings;
 use crate::transfer::BuildSettings;
@@ -336,6 +337,19 @@ pub(super) enum ModelCommand {
     },
 }
 
+/// A family of maps, with its weight if that is not 1.
+fn family_weight(text: &str) -> Result<(Family, f64), String> {
+    let (name, weight) = text.split_once('=').unwrap_or((text, "1"));
+    let family: Family = name
+        .trim()
+        .parse()
+        .map_err(|e: UnknownFamily| e.to_string())?;
+    let expected = || format!("expected a weight from 0 up after `{name}=`, found `{weight}`");
+    let number: f64 = weight.trim().parse().map_err(|_| expected())?;
+    let usable = number.is_finite() && number >= 0.0;
+    usable.then_some((family, number)).ok_or_else(expected)
+}
+
 /// Make training data
 #[derive(Debug, Subcommand)]
 pub(super) enum DatasetCommand {
@@ -346,7 +360,9 @@ pub(super) enum DatasetCommand {
 ///
 /// Writes shards that can be resumed after an interruption and depend on the seed alone.
 #[derive(Args, Debug)]
-#[command(after_help = "Example:\n  nngtl dataset generate --out data --missions 6000 --seed 1")]
+#[command(
+    after_help = "Examples:\n  nngtl dataset generate --out data --missions 6000 --seed 1\n  nngtl dataset generate --out mazes --missions 600 --families mazes=2,blobs"
+)]
 pub(super) struct GenerateArgs {
     /// The folder to write to; what is already there is kept and completed
     #[arg(long, value_name = "DIR")]
@@ -357,6 +373,10 @@ pub(super) struct GenerateArgs {
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
+    /// Families of maps and how often each is drawn: paper, clutter, rooms, mazes, blobs, large, small
+    /// [default: paper=0.55,clutter=0.25,rooms=0.2]
+    #[arg(long, value_delimiter = ',', value_parser = family_weight, value_name = "NAME=WEIGHT,…")]
+    pub(super) families: Vec<(Family, f64)>,
     /// Threads to use, 0 for one per core
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) threads: usize,

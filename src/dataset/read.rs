@@ -5,6 +5,7 @@ use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::time::Instant;
 
 use flate2::read::GzDecoder;
 use nalgebra::{Point2, Vector2};
@@ -181,6 +182,8 @@ pub struct LabelledMission {
     pub formula: Formula,
     /// The task.
     pub task: Task,
+    /// Seconds from the formula to the task.
+    pub translate_seconds: f64,
     /// What the data set says about it.
     pub record: MissionRecord,
 }
@@ -278,6 +281,7 @@ fn map_missions(path: &Path, map: MapRecord) -> Vec<Result<LabelledMission, Read
                 index,
                 source: Box::new(source),
             })?;
+        let begin = Instant::now();
         let task = translate(&formula, &workspace).map_err(|source| ReadError::Task {
             path: path.clone(),
             index,
@@ -290,6 +294,7 @@ fn map_missions(path: &Path, map: MapRecord) -> Vec<Result<LabelledMission, Read
             start: point(record.start),
             formula,
             task,
+            translate_seconds: begin.elapsed().as_secs_f64(),
             record,
         })
     };

@@ -145,25 +145,33 @@ pub fn converge(
         descents: Vec::new(),
     };
     for (done, case) in cases.iter().enumerate() {
-        let Some((reference, descents)) = of_case(case, contenders, settings, bounds, stop)? else {
+        let Some(found) = of_case(case, contenders, settings, bounds, stop)? else {
             break;
         };
-        all.references.extend(reference);
-        all.descents.extend(descents);
+        all.references.extend(found.reference);
+        all.descents.extend(found.descents);
         progress(done + 1);
     }
     Ok(all)
 }
 
-/// The searches of one mission; none without a plan of the exact planner's. `None` if the stop was raised before
-/// they were done.
+/// What was found on one mission.
+#[derive(Default)]
+pub(super) struct Searched {
+    /// What the exact planner says, if it solves the mission.
+    pub(super) reference: Option<Reference>,
+    /// The searches; none without a plan of the exact planner's.
+    pub(super) descents: Vec<Descent>,
+}
+
+/// The searches of one mission; `None` if the stop was raised before they were done.
 pub(super) fn of_case(
     case: &Case,
     contenders: &[Contender],
     settings: &Settings,
     bounds: bool,
     stop: &Stop,
-) -> Result<Option<(Option<Reference>, Vec<Descent>)>, BenchError> {
+) -> Result<Option<Searched>, BenchError> {
     let reference = reference(case, bounds);
     let mut descents = Vec::new();
     if reference.is_some() {
@@ -174,7 +182,10 @@ pub(super) fn of_case(
             }
         }
     }
-    Ok((!stop.is_raised()).then_some((reference, descents)))
+    Ok((!stop.is_raised()).then_some(Searched {
+        reference,
+        descents,
+    }))
 }
 
 fn reference(case: &Case, bounds: bool) -> Option<Reference> {

@@ -142,7 +142,7 @@ impl Study {
         let Some(trials) = trials::of_case(case, &self.comparison, stop)? else {
             return Ok(None);
         };
-        let (mut reference, mut descents) = (None, Vec::new());
+        let mut searched = convergence::Searched::default();
         if let Some(costs) = &self.costs {
             let contenders = &self.comparison.contenders;
             let found =
@@ -150,14 +150,14 @@ impl Study {
             let Some(found) = found else {
                 return Ok(None);
             };
-            (reference, descents) = found;
+            searched = found;
         }
         Ok(Some(Record {
             case: case.name.clone(),
             digest,
             trials,
-            reference,
-            descents,
+            reference: searched.reference,
+            descents: searched.descents,
         }))
     }
 

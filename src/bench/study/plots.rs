@@ -50,7 +50,7 @@ pub(super) fn first_prefixes(report: &Report) -> Option<Chart> {
     let runs = runs(report);
     let all = &report.comparison.contenders;
     let lost = |t: &&Trial| t.prefix.is_none();
-    let any_lost = runs.iter().any(|(_, runs)| runs.iter().any(|t| lost(t)));
+    let any_lost = runs.iter().any(|(_, runs)| runs.iter().any(lost));
     let panel = |axis: fn(&str, Vec<f64>) -> Axis,
                  label: &str,
                  names: bool,
@@ -72,22 +72,19 @@ pub(super) fn first_prefixes(report: &Report) -> Option<Chart> {
             marks,
         }
     };
-    let mut iterations = panel(|l, v| Axis::log(l, v), "iterations", true, &|t| {
+    let mut iterations = panel(Axis::log, "iterations", true, &|t| {
         Some(t.iterations_until(t.prefix))
     });
     if any_lost {
         let cap = report.comparison.settings.iterations as f64;
         iterations.marks.push(Mark::Limit(cap, "cap".to_owned()));
     }
-    let nodes = panel(|l, v| Axis::log(l, v), "product states", false, &|t| {
+    let nodes = panel(Axis::log, "product states", false, &|t| {
         Some(t.nodes_until(t.prefix))
     });
-    let length = panel(
-        |l, v| Axis::linear(l, v),
-        "length, map units",
-        false,
-        &|t| Some(t.prefix?.cost),
-    );
+    let length = panel(Axis::linear, "length, map units", false, &|t| {
+        Some(t.prefix?.cost)
+    });
     (!runs.is_empty()).then(|| Chart {
         title: "Until the first prefix".to_owned(),
         subtitle: format!(

@@ -214,7 +214,10 @@ fn plots_are_drawings_with_every_sampler_and_no_number_that_is_none() {
     for chart in charts {
         let svg = chart.unwrap().to_svg();
         let numbers = svg.replace("infinite", "");
-        assert!(!numbers.contains("NaN") && !numbers.contains("inf"), "{svg}");
+        assert!(
+            !numbers.contains("NaN") && !numbers.contains("inf"),
+            "{svg}"
+        );
         assert!(svg.contains(">flat</text>"), "{svg}");
         crate::render::svg_png(&svg, 1.0).unwrap();
     }

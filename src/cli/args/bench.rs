@@ -105,7 +105,7 @@ pub(in crate::cli) struct BenchMissionArgs {
     /// [default: paper]
     #[arg(long, value_delimiter = ',', value_parser = family_weight, value_name = "NAME=WEIGHT,…", conflicts_with = "scenarios")]
     pub(in crate::cli) families: Vec<(Family, f64)>,
-    /// Seed of the drawn missions; training data have 1
+    /// Seed of the drawn missions, apart from the seeds that the networks were trained on
     #[arg(
         long,
         value_name = "N",

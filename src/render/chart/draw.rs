@@ -241,16 +241,24 @@ impl Canvas<'_> {
     }
 
     fn band(&mut self, points: &[[f64; 3]], ink: Ink) {
-        let lower = points.iter().map(|p| [p[0], p[1]]);
-        let upper = points.iter().rev().map(|p| [p[0], p[2]]);
-        let around: Vec<Px> = lower
-            .chain(upper)
-            .map(|[x, y]| [self.x(x), self.y(y)])
-            .collect();
-        if !around.is_empty() {
-            let (data, colour) = (path_data(&around), ink.colour());
+        let edge = |k: usize| points.iter().map(move |p| [p[0], p[k]]);
+        let px = |[x, y]: [f64; 2]| [self.x(x), self.y(y)];
+        let lower: Vec<Px> = edge(1).map(px).collect();
+        let upper: Vec<Px> = edge(2).map(px).collect();
+        if lower.is_empty() {
+            return;
+        }
+        let around: Vec<Px> = lower.iter().chain(upper.iter().rev()).copied().collect();
+        let (data, colour) = (path_data(&around), ink.colour());
+        self.add(format_args!(
+            "<path d=\"{data}Z\" fill=\"{colour}\" fill-opacity=\"0.08\"/>"
+        ));
+        // Where several bands lie over each other, their edges tell them apart.
+        for edge in [&lower, &upper] {
             self.add(format_args!(
-                "<path d=\"{data}Z\" fill=\"{colour}\" fill-opacity=\"0.13\"/>"
+                "<path d=\"{}\" {} stroke-opacity=\"0.55\"/>",
+                path_data(edge),
+                ink.stroke(0.9)
             ));
         }
     }

@@ -112,7 +112,8 @@ impl Report {
                 rows.extend(row(&group.name, contender, &inside));
                 for against in comparison.contenders.iter() {
                     if is_compared(contender, against) {
-                        ratios.push(ratio_row(&group.name, contender, against, &inside));
+                        let row = ratio_row(&group.name, contender, against, &inside);
+                        ratios.extend(row.plan_iterations.is_some().then_some(row));
                     }
                 }
             }

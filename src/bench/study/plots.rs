@@ -225,7 +225,10 @@ pub(super) fn costs(costs: &Convergence) -> Option<Chart> {
         });
         let lines = curves.iter().map(|(ink, points)| {
             let known = points.iter().filter(|p| p[2].is_finite());
-            Mark::Line(known.map(|p| [factor * p[0], p[2]]).collect(), *ink)
+            let known = known.map(|p| [factor * p[0], p[2]]);
+            // Before its first plan a median comes from above.
+            let begin = known.clone().next().map(|[x, _]| [x, f64::MAX]);
+            Mark::Line(begin.into_iter().chain(known).collect(), *ink)
         });
         let is_empty = points().next().is_none();
         let panel = Panel {

@@ -11,7 +11,7 @@
 use std::sync::Arc;
 
 use nngtl::automaton::{Limits, Task};
-use nngtl::bench::{Case, Mark, Strategy, converge};
+use nngtl::bench::{Case, Contender, Mark, Prediction, Strategy, converge};
 use nngtl::dataset::maps::{Family, draw_map, draw_start};
 use nngtl::dataset::missions::draw_pattern;
 use nngtl::mission::predict_with;
@@ -33,16 +33,27 @@ fn case(seed: u64, networks: Option<&mut Predictor>) -> Option<Case> {
     let system = Continuous::new(Arc::new(map), start).ok()?;
     Some(Case {
         name: format!("{seed}-{family}-{pattern}"),
+        family: Some(family.name().to_owned()),
         problem: Problem {
             start: system.start(),
             system: Arc::new(system),
             task: Arc::new(task),
             weight: 0.2,
         },
-        guidance: guidance.map(|p| p.guidance),
+        translate_seconds: 0.0,
+        predictions: guidance.map(prediction).into_iter().collect(),
         labels: None,
-        inference_seconds: 0.0,
     })
+}
+
+/// What the networks say; their time is left out.
+fn prediction(found: nngtl::mission::Prediction) -> Prediction {
+    Prediction {
+        device: found.device,
+        guidance: found.guidance,
+        encode_seconds: 0.0,
+        infer_seconds: 0.0,
+    }
 }
 
 fn main() {
@@ -77,11 +88,12 @@ fn main() {
         Mark::Seconds(0.1),
         Mark::Seconds(1.0),
     ];
+    let contenders: Vec<Contender> = strategies.into_iter().map(Contender::from).collect();
     let stop = Stop::new();
     let mut progress = |done| eprintln!("{done} of {} missions searched", cases.len());
     let report = converge(
         &cases,
-        &strategies,
+        &contenders,
         &settings,
         &marks,
         true,

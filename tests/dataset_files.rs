@@ -100,6 +100,46 @@ fn a_run_that_was_stopped_is_finished_by_the_next() {
     assert_eq!(contents(folder.path()), files);
 }
 
+/// One map of this many missions would take hours.
+#[test]
+fn an_interrupt_is_heard_within_a_map() {
+    let folder = TempDir::new().unwrap();
+    let endless = GenerateConfig {
+        to: 2,
+        missions_per_map: 1_000_000,
+        ..config(folder.path())
+    };
+    let stop = AtomicBool::new(false);
+    let outcome = std::thread::scope(|scope| {
+        let running = scope.spawn(|| generate(&endless, &|_| {}, &stop).unwrap());
+        std::thread::sleep(std::time::Duration::from_millis(300));
+        stop.store(true, Ordering::Relaxed);
+        running.join().unwrap()
+    });
+    assert!(matches!(outcome, Outcome::Stopped(m) if m.maps == 0));
+}
+
+#[test]
+fn missions_that_are_drawn_are_those_that_would_be_written() {
+    let (folder, _) = fresh();
+    let config = config(folder.path());
+    let stop = AtomicBool::new(false);
+    let drawn = nngtl::dataset::drawn_missions(&config, &stop);
+    let drawn: Vec<_> = drawn.map(|m| m.unwrap()).collect();
+    let written: Vec<_> = labelled_missions(folder.path())
+        .unwrap()
+        .map(|m| m.unwrap())
+        .collect();
+    let records = |all: &[LabelledMission]| -> Vec<_> {
+        all.iter()
+            .map(|m| (m.map, m.family, m.record.clone()))
+            .collect()
+    };
+    assert_eq!(records(&drawn), records(&written));
+    stop.store(true, Ordering::Relaxed);
+    assert_eq!(nngtl::dataset::drawn_missions(&config, &stop).count(), 0);
+}
+
 #[test]
 fn what_a_kill_or_a_bad_disk_leaves_is_made_again() {
     let (folder, files) = fresh();

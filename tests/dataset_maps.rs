@@ -102,3 +102,69 @@ fn families_differ_and_some_shapes_are_not_convex() {
         "{crowded} {concave} {large}"
     );
 }
+
+/// Data sets are continued and compared across versions: what a seed draws in a family must stay.
+#[test]
+fn the_first_families_draw_what_they_always_drew() {
+    use sha2::{Digest, Sha256};
+    let mut hash = Sha256::new();
+    for family in [Family::Paper, Family::Clutter, Family::Rooms] {
+        for seed in 0..10 {
+            let map = draw_map(family, &mut generator(seed, 7));
+            for v in vertices(&map) {
+                hash.update(format!("{:.4} {:.4};", v.x, v.y));
+            }
+        }
+    }
+    let digest: String = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+    assert_eq!(
+        digest, "edc8cc2e06cd757f30952bb622de78dae4684f55f4d33f8c3e75e5c28334e97a",
+        "maps of old seeds have changed"
+    );
+}
+
+#[test]
+fn families_have_regions_of_their_size() {
+    let area = |family: Family| -> f64 {
+        let maps = (0..MAPS).map(|seed| draw_map(family, &mut generator(seed, 7)));
+        let areas: Vec<f64> = maps.flat_map(|m| m.regions).map(|r| r.area()).collect();
+        areas.iter().sum::<f64>() / areas.len() as f64
+    };
+    let (small, usual, large) = (
+        area(Family::Small),
+        area(Family::Clutter),
+        area(Family::Large),
+    );
+    assert!(
+        10.0 * small < usual && 2.0 * usual < large,
+        "{small} {usual} {large}"
+    );
+}
+
+/// In a maze nearly every straight way runs into a wall; in clutter fewer do.
+#[test]
+fn mazes_hide_regions_and_blobs_have_many_corners() {
+    let blocked = |family: Family| -> f64 {
+        let (mut hidden, mut all) = (0, 0);
+        for seed in 0..MAPS {
+            let map = draw_map(family, &mut generator(seed, 7));
+            let workspace = map.workspace().unwrap();
+            for (i, a) in map.regions.iter().enumerate() {
+                for b in &map.regions[..i] {
+                    all += 1;
+                    let (a, b) = (a.vertices()[0], b.vertices()[0]);
+                    hidden += usize::from(workspace.trace(a, b).is_err());
+                }
+            }
+        }
+        f64::from(hidden as u32) / f64::from(all)
+    };
+    let (clutter, mazes) = (blocked(Family::Clutter), blocked(Family::Mazes));
+    assert!(clutter < 0.8 && mazes > 0.85, "{clutter} {mazes}");
+    let corners = |family: Family| -> usize {
+        let map = draw_map(family, &mut generator(3, 7));
+        let corners = map.obstacles.iter().map(|o| o.vertices().len());
+        corners.max().unwrap_or(0)
+    };
+    assert!(corners(Family::Blobs) > 12, "{}", corners(Family::Blobs));
+}

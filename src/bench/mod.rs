@@ -1,29 +1,38 @@
 //! Samplers side by side on the same missions: what guidance costs and what it saves.
 //!
-//! Every mission is searched by every strategy with the same seeds, until its first plan. One
-//! iteration is one drawn sample; runs that spend their budget count at the cap and are told.
+//! Every mission is searched by every contender with the same seeds, until its first plan ([`compare`]), or on
+//! to the end of a budget beside the exact planner's plan ([`converge`]). One iteration is one drawn sample;
+//! runs that spend their budget count at the cap and are told. [`Study`] does both, keeps what is done in a
+//! folder, and writes a report with plots there.
 
 mod convergence;
+mod groups;
 pub mod inference;
 mod report;
 mod stats;
+mod study;
 pub mod transfer;
+mod trials;
 
+use std::fmt;
 use std::sync::Arc;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::guidance::Guidance;
-use crate::planner::{
-    GuidanceError, Guide, PlanError, Problem, Sampler, Settings, Stats, Stop, plan,
-};
+use crate::planner::{GuidanceError, Guide, PlanError, Problem, Sampler};
 
 pub use convergence::{Convergence, Descent, Mark, Reference, converge};
-pub use report::Report;
-pub use stats::{Ratio, Summary, mean};
+pub use groups::{COMPLEX_FROM, Classes, Group};
+pub use report::{RatioRow, Report, Row};
+pub use stats::{Measured, Ratio, Share, Summary, mean};
+pub use study::{
+    CostSettings, Findings, LogError, Machine, REPORT_FILES, Record, Study, StudyError, StudyFolder,
+};
+pub use trials::{Comparison, Times, Trial, compare};
 
 /// A strategy of a comparison.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Strategy {
     /// Uniform sampling.
@@ -57,57 +66,115 @@ impl Strategy {
     }
 }
 
+/// A strategy, and for the guided one what ran its networks.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Contender {
+    /// The strategy.
+    pub strategy: Strategy,
+    /// The device whose predictions guide it, where several are compared; the mission's first predictions
+    /// otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device: Option<String>,
+}
+
+impl From<Strategy> for Contender {
+    fn from(strategy: Strategy) -> Self {
+        Self {
+            strategy,
+            device: None,
+        }
+    }
+}
+
+impl fmt::Display for Contender {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.strategy.name())?;
+        match &self.device {
+            Some(device) => write!(f, " ({device})"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What the networks say about a mission.
+#[derive(Clone, Debug)]
+pub struct Prediction {
+    /// What ran them: `cpu`, or an adapter's name.
+    pub device: String,
+    /// Heatmap and state probabilities.
+    pub guidance: Guidance,
+    /// Seconds from map and automaton to tensors.
+    pub encode_seconds: f64,
+    /// Seconds of the networks.
+    pub infer_seconds: f64,
+}
+
+impl Prediction {
+    /// Seconds of encoding and networks.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        self.encode_seconds + self.infer_seconds
+    }
+}
+
 /// One mission of a comparison.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// The mission's name, unique in the comparison.
     pub name: String,
+    /// The kind of map, where that is known.
+    pub family: Option<String>,
     /// The mission.
     pub problem: Problem,
-    /// The networks' predictions, if they fit the mission.
-    pub guidance: Option<Guidance>,
+    /// Seconds from the formula to the task; 0 if nobody measured them.
+    pub translate_seconds: f64,
+    /// The networks' predictions, one for each device; none if they do not fit the mission.
+    pub predictions: Vec<Prediction>,
     /// What perfect networks would predict, if the mission came with labels.
     pub labels: Option<Guidance>,
-    /// What encoding and inference took, in seconds.
-    pub inference_seconds: f64,
 }
 
-/// One run of one strategy on one mission.
-#[derive(Clone, Debug, Serialize)]
-pub struct Trial {
-    /// The mission's name.
-    pub case: String,
-    /// The strategy.
-    pub strategy: Strategy,
-    /// The seed.
-    pub seed: u64,
-    /// Whether a plan was found.
-    pub solved: bool,
-    /// Iterations to the first prefix; the cap if none was found.
-    pub prefix_iterations: u64,
-    /// Iterations to the first plan; the cap if none was found.
-    pub plan_iterations: u64,
-    /// Product states when the search ended.
-    pub nodes: u64,
-    /// Length of the first prefix.
-    pub prefix_length: Option<f64>,
-    /// Total cost of the first plan.
-    pub cost: Option<f64>,
-    /// Seconds of search, without inference.
-    pub search_seconds: f64,
-    /// Seconds of encoding and inference, for the guided strategy.
-    pub inference_seconds: f64,
-}
+impl Case {
+    /// The predictions that guide a contender.
+    fn prediction(&self, contender: &Contender) -> Option<&Prediction> {
+        match &contender.device {
+            None => self.predictions.first(),
+            Some(device) => self.predictions.iter().find(|p| p.device == *device),
+        }
+    }
 
-/// What to compare.
-#[derive(Clone, Debug, Serialize)]
-pub struct Comparison {
-    /// The strategies, in the order of the report.
-    pub strategies: Vec<Strategy>,
-    /// Runs per mission and strategy; their seeds count up from the settings' seed.
-    pub trials: u64,
-    /// Settings of every search; its `first` is set, its iterations are the cap.
-    pub settings: Settings,
+    /// The contender's sampler; `None` if it needs predictions that this mission lacks.
+    fn sampler(&self, contender: &Contender) -> Result<Option<Sampler>, BenchError> {
+        let states = self.problem.task.nba.len();
+        let guided = |guidance: &Guidance| {
+            let guide = Guide::new(guidance, states).map_err(|source| BenchError::Guidance {
+                case: self.name.clone(),
+                source,
+            })?;
+            Ok(Sampler::Guided(Arc::new(guide)))
+        };
+        Ok(match contender.strategy {
+            Strategy::Uniform => Some(Sampler::Uniform),
+            Strategy::Biased => Some(Sampler::Biased),
+            Strategy::Directed => Some(Sampler::Directed),
+            Strategy::Flat => Some(guided(&Guidance::flat(states))?),
+            Strategy::Guided => {
+                let predicted = self.prediction(contender);
+                predicted.map(|p| guided(&p.guidance)).transpose()?
+            }
+            Strategy::Oracle => self.labels.as_ref().map(guided).transpose()?,
+        })
+    }
+
+    /// Seconds that encoding and networks take before this contender's search.
+    fn network_seconds(&self, contender: &Contender) -> [f64; 2] {
+        match contender.strategy {
+            Strategy::Guided => self
+                .prediction(contender)
+                .map_or([0.0; 2], |p| [p.encode_seconds, p.infer_seconds]),
+            _ => [0.0; 2],
+        }
+    }
 }
 
 /// Why a comparison could not be made.
@@ -130,103 +197,4 @@ pub enum BenchError {
         /// Why not.
         source: Box<PlanError>,
     },
-}
-
-/// Runs a comparison; `progress` is called after each mission with the number done.
-///
-/// Missions without predictions are left out of the guided strategy, and the report says so.
-///
-/// # Errors
-/// Predictions that do not fit, or settings that no search accepts.
-pub fn compare(
-    cases: &[Case],
-    comparison: &Comparison,
-    stop: &Stop,
-    progress: &mut dyn FnMut(usize),
-) -> Result<Report, BenchError> {
-    let mut trials = Vec::new();
-    for (done, case) in cases.iter().enumerate() {
-        for &strategy in &comparison.strategies {
-            let Some(sampler) = sampler(case, strategy)? else {
-                continue;
-            };
-            for k in 0..comparison.trials {
-                if stop.is_raised() {
-                    return Ok(Report::new(comparison.clone(), done, trials));
-                }
-                let settings = Settings {
-                    seed: comparison.settings.seed + k,
-                    first: true,
-                    ..comparison.settings.clone()
-                };
-                trials.push(run(case, strategy, &sampler, &settings)?);
-            }
-        }
-        progress(done + 1);
-    }
-    Ok(Report::new(comparison.clone(), cases.len(), trials))
-}
-
-fn sampler(case: &Case, strategy: Strategy) -> Result<Option<Sampler>, BenchError> {
-    let states = case.problem.task.nba.len();
-    let guided = |guidance: &Guidance| {
-        let guide = Guide::new(guidance, states).map_err(|source| BenchError::Guidance {
-            case: case.name.clone(),
-            source,
-        })?;
-        Ok(Sampler::Guided(Arc::new(guide)))
-    };
-    Ok(match strategy {
-        Strategy::Uniform => Some(Sampler::Uniform),
-        Strategy::Biased => Some(Sampler::Biased),
-        Strategy::Directed => Some(Sampler::Directed),
-        Strategy::Flat => Some(guided(&Guidance::flat(states))?),
-        Strategy::Guided => case.guidance.as_ref().map(guided).transpose()?,
-        Strategy::Oracle => case.labels.as_ref().map(guided).transpose()?,
-    })
-}
-
-fn run(
-    case: &Case,
-    strategy: Strategy,
-    sampler: &Sampler,
-    settings: &Settings,
-) -> Result<Trial, BenchError> {
-    let (stats, solved) = match plan(&case.problem, sampler, settings, &Stop::new(), &mut |_| {}) {
-        Ok(solution) => (solution.stats, true),
-        Err(PlanError::NotFound(why)) => (why.stats, false),
-        Err(source) => {
-            return Err(BenchError::Plan {
-                case: case.name.clone(),
-                source: Box::new(source),
-            });
-        }
-    };
-    Ok(trial(case, strategy, settings, &stats, solved))
-}
-
-fn trial(
-    case: &Case,
-    strategy: Strategy,
-    settings: &Settings,
-    stats: &Stats,
-    solved: bool,
-) -> Trial {
-    let cap = settings.iterations;
-    Trial {
-        case: case.name.clone(),
-        strategy,
-        seed: settings.seed,
-        solved,
-        prefix_iterations: stats.first_prefix.map_or(cap, |f| f.iterations),
-        plan_iterations: stats.first_plan.map_or(cap, |f| f.iterations),
-        nodes: stats.nodes,
-        prefix_length: stats.first_prefix.map(|f| f.cost),
-        cost: stats.first_plan.map(|f| f.cost),
-        search_seconds: stats.seconds,
-        inference_seconds: match strategy {
-            Strategy::Guided => case.inference_seconds,
-            _ => 0.0,
-        },
-    }
 }

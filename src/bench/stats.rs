@@ -49,6 +49,103 @@ impl Summary {
     }
 }
 
+/// A summary of runs of which some ended at their cap without finding what was looked for; they count with
+/// what they spent, so that the truth lies above.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Measured {
+    /// All runs.
+    #[serde(flatten)]
+    pub summary: Summary,
+    /// How many of them ended at the cap.
+    pub capped: usize,
+}
+
+impl Measured {
+    /// Summarises pairs of a measurement and whether it ended at the cap; `None` if there are none.
+    #[must_use]
+    pub fn of(runs: &[(f64, bool)]) -> Option<Self> {
+        let values: Vec<f64> = runs.iter().map(|r| r.0).collect();
+        Some(Self {
+            summary: Summary::of(&values)?,
+            capped: runs.iter().filter(|r| r.1).count(),
+        })
+    }
+
+    /// Whether the quantile `q` is only a lower bound: with all capped runs above everything else, it is one of
+    /// them or lies beside one.
+    #[must_use]
+    pub fn is_bound(&self, q: f64) -> bool {
+        let last = (self.summary.count - 1) as f64;
+        (q * last).ceil() > last - self.capped as f64
+    }
+
+    /// Mean, median and quartiles for people to read; bounds with a sign.
+    #[must_use]
+    pub fn cell(&self, digits: usize) -> String {
+        let s = &self.summary;
+        let sign = |bound: bool| if bound { "≥ " } else { "" };
+        let at = |q: f64, value: f64| format!("{}{value:.digits$}", sign(self.is_bound(q)));
+        format!(
+            "{}{:.digits$} · {} [{}, {}]",
+            sign(self.capped > 0),
+            s.mean,
+            at(0.5, s.median),
+            at(0.25, s.quarter),
+            at(0.75, s.three_quarters)
+        )
+    }
+}
+
+/// A share of runs with a 95 % interval (E. B. Wilson, "Probable inference, the law of succession, and
+/// statistical inference", 1927), which keeps its meaning at 0 and 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Share {
+    /// How many.
+    pub hits: usize,
+    /// Of how many.
+    pub of: usize,
+    /// Lower end of the interval.
+    pub low: f64,
+    /// Upper end of the interval.
+    pub high: f64,
+}
+
+impl Share {
+    /// `hits` of `of` runs; the interval of none is everything.
+    #[must_use]
+    pub fn new(hits: usize, of: usize) -> Self {
+        // The normal distribution's quantile 0.975.
+        const Z: f64 = 1.959_964;
+        if of == 0 {
+            let (low, high) = (0.0, 1.0);
+            return Self {
+                hits,
+                of,
+                low,
+                high,
+            };
+        }
+        let (n, p) = (of as f64, hits as f64 / of as f64);
+        let scale = 1.0 + Z * Z / n;
+        let middle = (p + Z * Z / (2.0 * n)) / scale;
+        let half = Z / scale * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
+        Self {
+            hits,
+            of,
+            // Rounding must not push the share itself out of its interval.
+            low: (middle - half).clamp(0.0, p),
+            high: (middle + half).clamp(p, 1.0),
+        }
+    }
+}
+
+impl std::fmt::Display for Share {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let [low, high] = [self.low, self.high].map(|x| 100.0 * x);
+        write!(f, "{}/{} [{low:.1}, {high:.1}] %", self.hits, self.of)
+    }
+}
+
 /// A ratio with a 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Ratio {
@@ -111,6 +208,9 @@ pub fn mean(values: &[f64]) -> f64 {
 pub(super) fn quantile(sorted: &[f64], q: f64) -> f64 {
     let position = q * (sorted.len() - 1) as f64;
     let (low, share) = (position.floor() as usize, position.fract());
+    if share == 0.0 {
+        return sorted[low]; // the next one may be infinite
+    }
     let high = (low + 1).min(sorted.len() - 1);
     sorted[low] + (sorted[high] - sorted[low]) * share
 }
@@ -128,6 +228,63 @@ mod tests {
         );
         assert_eq!(s.mean, 3.0);
         assert_eq!(Summary::of(&[]), None);
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn quartiles_are_ordered_and_split_the_set(values in proptest::collection::vec(-1e3..1e3_f64, 1..60)) {
+            let s = Summary::of(&values).unwrap();
+            let line = [s.min, s.quarter, s.median, s.three_quarters, s.p95, s.max];
+            proptest::prop_assert!(line.windows(2).all(|w| w[0] <= w[1]));
+            proptest::prop_assert!(s.min <= s.mean + 1e-9 && s.mean <= s.max + 1e-9);
+            for (q, at) in [(0.25, s.quarter), (0.5, s.median), (0.75, s.three_quarters)] {
+                let below = values.iter().filter(|v| **v < at).count() as f64;
+                let above = values.iter().filter(|v| **v > at).count() as f64;
+                let steps = (values.len() - 1) as f64;
+                proptest::prop_assert!(below <= q * steps + 1.0 && above <= (1.0 - q) * steps + 1.0);
+            }
+        }
+
+        #[test]
+        fn what_lies_beyond_the_cap_changes_only_what_is_marked(
+            found in proptest::collection::vec(1.0..100.0_f64, 0..20),
+            lost in 0..20_usize,
+            truth in 100.0..1e4_f64,
+        ) {
+            proptest::prop_assume!(found.len() + lost > 0);
+            let runs = |at: f64| -> Measured {
+                let lost = std::iter::repeat_n((at, true), lost);
+                let runs: Vec<_> = found.iter().map(|v| (*v, false)).chain(lost).collect();
+                Measured::of(&runs).unwrap()
+            };
+            let (capped, true_ones) = (runs(100.0), runs(truth));
+            let quantiles = |m: &Measured| [m.summary.quarter, m.summary.median, m.summary.three_quarters];
+            for (k, q) in [0.25, 0.5, 0.75].into_iter().enumerate() {
+                let (seen, real) = (quantiles(&capped)[k], quantiles(&true_ones)[k]);
+                proptest::prop_assert!(seen <= real + 1e-9);
+                proptest::prop_assert!(capped.is_bound(q) || (seen - real).abs() < 1e-9);
+            }
+            proptest::prop_assert_eq!(capped.cell(1).starts_with('≥'), lost > 0);
+        }
+
+        #[test]
+        fn intervals_of_shares_hold_the_share(of in 1..500_usize, part in 0.0..=1.0_f64) {
+            let hits = (part * of as f64) as usize;
+            let share = Share::new(hits, of);
+            let p = hits as f64 / of as f64;
+            proptest::prop_assert!(0.0 <= share.low && share.low <= p && p <= share.high && share.high <= 1.0);
+            proptest::prop_assert!(hits < of || share.low < 1.0);
+            let more = Share::new(10 * hits, 10 * of);
+            proptest::prop_assert!(more.high - more.low < share.high - share.low);
+        }
+    }
+
+    #[test]
+    fn the_interval_of_a_known_share() {
+        // Wilson's interval of 8 of 10, from tables.
+        let share = Share::new(8, 10);
+        assert!((share.low - 0.4902).abs() < 1e-4 && (share.high - 0.9433).abs() < 1e-4);
+        assert_eq!(share.to_string(), "8/10 [49.0, 94.3] %");
     }
 
     #[test]

@@ -1,8 +1,5 @@
 //! `nngtl dataset generate`.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use serde_json::json;
 
 use super::args::GenerateArgs;
@@ -11,18 +8,17 @@ use super::failure::{Failure, JSON_VERSION};
 use crate::dataset::{GenerateConfig, GenerateError, MANIFEST, Manifest, Outcome, generate};
 
 pub(super) fn run(args: &GenerateArgs, console: &Console) -> Result<(), Failure> {
+    let usual = GenerateConfig::new(&args.out, args.seed, args.missions);
     let config = GenerateConfig {
         threads: args.threads,
-        ..GenerateConfig::new(&args.out, args.seed, args.missions)
+        families: if args.families.is_empty() {
+            usual.families.clone()
+        } else {
+            args.families.clone()
+        },
+        ..usual
     };
-    let stop = Arc::new(AtomicBool::new(false));
-    let raised = Arc::clone(&stop);
-    // Fails only if a handler is there already; then Ctrl-C ends the program as usual.
-    let _ = ctrlc::set_handler(move || {
-        if raised.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
-        }
-    });
+    let stop = super::interrupt::stop_on_interrupt();
     let bar = console.progress(config.to - config.from, "maps");
     let outcome = generate(
         &config,
@@ -30,7 +26,7 @@ pub(super) fn run(args: &GenerateArgs, console: &Console) -> Result<(), Failure>
             bar.set_position(p.maps);
             bar.set_message(format!("{} missions", p.missions));
         },
-        &stop,
+        stop.flag(),
     );
     bar.finish_and_clear();
     let outcome = outcome.map_err(|e| failure(&e))?;

@@ -4,7 +4,7 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
@@ -201,7 +201,8 @@ pub enum GenerateError {
 /// Generates a data set, or finishes one that was begun.
 ///
 /// Shards that are complete and whose digest is right are kept; a damaged one is made again.
-/// `progress` is called after every map; setting `stop` ends the run after the maps at hand.
+/// `progress` is called after every map; setting `stop` ends the run after the missions at hand, and
+/// what was drawn of unfinished shards is drawn again by the next run.
 ///
 /// # Errors
 /// Settings out of range, a directory that holds another set, or files that cannot be written.
@@ -243,10 +244,7 @@ pub fn generate(
         let to = config.to.min(from.saturating_add(config.shard_maps));
         let samples: Option<Vec<Sample>> = pool.install(|| {
             let draw = |index| {
-                if stop.load(Ordering::Relaxed) {
-                    return None;
-                }
-                let sample = draw_sample(config, index);
+                let sample = draw_sample(config, index, stop)?;
                 if let Ok(mut done) = done.lock() {
                     done.maps += 1;
                     done.missions += sample.record.missions.len() as u64;

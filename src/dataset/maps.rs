@@ -5,13 +5,15 @@
 
 use std::f64::consts::TAU;
 use std::fmt;
+use std::ops::RangeInclusive;
+use std::str::FromStr;
 
 use nalgebra::{Point2, Vector2};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use super::rooms;
-use super::shapes;
+use super::mazes::Maze;
+use super::{blobs, rooms, shapes};
 use crate::random::{Random, chance, choose};
 use crate::workspace::{Bounds, Place, Polygon, Region, Workspace, WorkspaceError};
 
@@ -23,6 +25,9 @@ pub const MAX_REGIONS: usize = 7;
 
 /// The distance that regions keep from obstacles and from each other, in map units.
 const MARGIN: f64 = 0.01;
+
+/// Shapes with a smaller area than this are drawn again, in squared map units.
+const LEAST_AREA: f64 = 2e-4;
 
 /// How often a place is drawn for one shape before the map is drawn anew.
 const PLACES: usize = 60;
@@ -36,13 +41,29 @@ pub enum Family {
     Paper,
     /// Many small obstacles of all shapes.
     Clutter,
-    /// Rooms with doors, corridors, and mazes of them.
+    /// Rooms with doors and corridors.
     Rooms,
+    /// One-lane corridors where most turns are wrong.
+    Mazes,
+    /// Shapes as on occupancy maps: caves, and rooms as a range finder sees them.
+    Blobs,
+    /// Few obstacles and large regions.
+    Large,
+    /// Many obstacles and small regions.
+    Small,
 }
 
 impl Family {
     /// All families.
-    pub const ALL: [Self; 3] = [Self::Paper, Self::Clutter, Self::Rooms];
+    pub const ALL: [Self; 7] = [
+        Self::Paper,
+        Self::Clutter,
+        Self::Rooms,
+        Self::Mazes,
+        Self::Blobs,
+        Self::Large,
+        Self::Small,
+    ];
 
     /// The family's name in data sets.
     #[must_use]
@@ -51,6 +72,10 @@ impl Family {
             Self::Paper => "paper",
             Self::Clutter => "clutter",
             Self::Rooms => "rooms",
+            Self::Mazes => "mazes",
+            Self::Blobs => "blobs",
+            Self::Large => "large",
+            Self::Small => "small",
         }
     }
 }
@@ -60,6 +85,21 @@ impl fmt::Display for Family {
         f.write_str(self.name())
     }
 }
+
+impl FromStr for Family {
+    type Err = UnknownFamily;
+
+    fn from_str(name: &str) -> Result<Self, UnknownFamily> {
+        let named = |family: &Self| family.name() == name;
+        let found = Self::ALL.into_iter().find(named);
+        found.ok_or_else(|| UnknownFamily(name.to_owned()))
+    }
+}
+
+/// No family has this name.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no family of maps called `{0}`: expected one of {all}", all = Family::ALL.map(Family::name).join(", "))]
+pub struct UnknownFamily(pub String);
 
 /// Obstacles and regions of a random map; region `k` is called `l<k+1>`.
 #[derive(Clone, Debug, PartialEq)]
@@ -108,6 +148,10 @@ pub fn draw_map(family: Family, random: &mut Random) -> MapShapes {
             Family::Paper => paper(random),
             Family::Clutter => clutter(random),
             Family::Rooms => with_rooms(random),
+            Family::Mazes => maze(random),
+            Family::Blobs => blobs(random),
+            Family::Large => sized(2..=7, (0.09, 0.2), random),
+            Family::Small => sized(6..=20, (0.008, 0.022), random),
         };
         if let Some((obstacles, regions)) = drawn {
             return MapShapes {
@@ -171,17 +215,25 @@ fn paper(random: &mut Random) -> Drawn {
 }
 
 fn clutter(random: &mut Random) -> Drawn {
-    let count = random.random_range(8..=26);
-    // Fewer obstacles are larger ones: the covered share stays alike.
-    let size = 0.25 / f64::from(count).sqrt();
-    let obstacles: Vec<Polygon> = (0..count)
-        .filter_map(|_| {
-            let centre = Point2::new(random.random(), random.random());
-            obstacle_shape(centre, size * random.random_range(0.5..1.5), random)
-        })
-        .collect();
+    let obstacles = some_clutter(random.random_range(8..=26), random);
     let regions = draw_regions(&obstacles, random)?;
     Some((obstacles, regions))
+}
+
+fn some_clutter(count: u32, random: &mut Random) -> Vec<Polygon> {
+    // Fewer obstacles are larger ones: the covered share stays alike.
+    let size = 0.25 / f64::from(count).sqrt();
+    (0..count)
+        .filter_map(|_| {
+            let centre = anywhere(random);
+            obstacle_shape(centre, size * random.random_range(0.5..1.5), random)
+        })
+        .collect()
+}
+
+/// A uniform point of the unit square.
+fn anywhere(random: &mut Random) -> Point2<f64> {
+    Point2::new(random.random(), random.random())
 }
 
 fn with_rooms(random: &mut Random) -> Drawn {
@@ -200,6 +252,31 @@ fn with_rooms(random: &mut Random) -> Drawn {
     Some((obstacles, regions))
 }
 
+fn maze(random: &mut Random) -> Drawn {
+    let maze = Maze::draw(random);
+    let reach = maze.reach - MARGIN;
+    let sizes = (0.6 * reach, 1.3 * reach);
+    let regions = place_regions(&maze.walls, sizes, random, |random| {
+        let aside = |random: &mut Random| random.random_range(-0.3..0.3) * reach;
+        let at = maze.place(random);
+        Point2::new(at.x + aside(random), at.y + aside(random))
+    })?;
+    Some((maze.walls, regions))
+}
+
+fn blobs(random: &mut Random) -> Drawn {
+    let obstacles = blobs::obstacles(random)?;
+    let regions = draw_regions(&obstacles, random)?;
+    Some((obstacles, regions))
+}
+
+/// Clutter with this many obstacles, and regions of these sizes.
+fn sized(count: RangeInclusive<u32>, sizes: (f64, f64), random: &mut Random) -> Drawn {
+    let obstacles = some_clutter(random.random_range(count), random);
+    let regions = place_regions(&obstacles, sizes, random, anywhere)?;
+    Some((obstacles, regions))
+}
+
 fn obstacle_shape(centre: Point2<f64>, radius: f64, random: &mut Random) -> Option<Polygon> {
     let points = match random.random_range(0..6) {
         0 | 1 => shapes::turned_rectangle(centre, radius, random),
@@ -207,7 +284,7 @@ fn obstacle_shape(centre: Point2<f64>, radius: f64, random: &mut Random) -> Opti
         4 => shapes::jagged(centre, radius, random),
         _ => shapes::angle(centre, radius, random),
     };
-    clipped(points)
+    clipped(points, LEAST_AREA)
 }
 
 /// Regions of one map are alike small, alike large, or mixed.
@@ -216,15 +293,25 @@ fn draw_regions(obstacles: &[Polygon], random: &mut Random) -> Option<Vec<Polygo
         random,
         &[(0.025, 0.05), (0.03, 0.08), (0.03, 0.16), (0.08, 0.16)],
     )?;
+    place_regions(obstacles, sizes, random, anywhere)
+}
+
+/// Four to seven regions with radii between these, where `place` says.
+fn place_regions(
+    obstacles: &[Polygon],
+    sizes: (f64, f64),
+    random: &mut Random,
+    place: impl Fn(&mut Random) -> Point2<f64>,
+) -> Option<Vec<Polygon>> {
     let count = random.random_range(4..=MAX_REGIONS);
     let mut regions: Vec<Polygon> = Vec::new();
     for _ in 0..count {
-        let place = (0..PLACES).find_map(|_| {
-            let centre = Point2::new(random.random(), random.random());
+        let found = (0..PLACES).find_map(|_| {
+            let centre = place(random);
             let polygon = region_shape(centre, random.random_range(sizes.0..sizes.1), random)?;
             is_clear(&polygon, obstacles.iter().chain(&regions)).then_some(polygon)
         });
-        regions.push(place?);
+        regions.push(found?);
     }
     Some(regions)
 }
@@ -238,14 +325,16 @@ fn region_shape(centre: Point2<f64>, radius: f64, random: &mut Random) -> Option
         _ => shapes::angle(centre, radius, random),
     };
     let inside = points.iter().all(|p| Bounds::unit().contains(*p));
-    inside.then(|| clipped(points)).flatten()
+    // No larger than what is asked of obstacles; small regions may be smaller.
+    let least = LEAST_AREA.min(0.5 * radius * radius);
+    inside.then(|| clipped(points, least)).flatten()
 }
 
 /// Rounds a shape to the grid, pulled into the unit square; `None` if nothing sound is left.
-fn clipped(points: Vec<Point2<f64>>) -> Option<Polygon> {
+fn clipped(points: Vec<Point2<f64>>, least: f64) -> Option<Polygon> {
     let points = points.into_iter().map(|p| round(Bounds::unit().clip(p)));
     let polygon = Polygon::new(points.collect()).ok()?;
-    (polygon.area() > 2e-4).then_some(polygon)
+    (polygon.area() > least).then_some(polygon)
 }
 
 fn is_clear<'a>(polygon: &Polygon, mut others: impl Iterator<Item = &'a Polygon>) -> bool {

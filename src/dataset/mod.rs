@@ -4,8 +4,10 @@
 //! planner ([`crate::exact`]) and writes shards that `training/` reads (`docs/dataset.md`);
 //! [`read_shard`] and [`labelled_missions`] read them back.
 
+mod blobs;
 mod generate;
 pub mod maps;
+mod mazes;
 pub mod missions;
 mod read;
 mod record;
@@ -15,7 +17,8 @@ mod shapes;
 
 pub use generate::{GenerateConfig, GenerateError, MANIFEST, Outcome, Progress, generate};
 pub use read::{
-    LabelledMission, ReadError, missions as labelled_missions, read_manifest, read_shard,
+    LabelledMission, ReadError, drawn_missions, missions as labelled_missions, read_manifest,
+    read_shard,
 };
 pub use record::{
     AutomatonRecord, Counts, FORMAT, Manifest, MapRecord, MissionRecord, Pair, RecordError,

@@ -4,14 +4,17 @@ use std::fs;
 use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
 
 use flate2::read::GzDecoder;
 use nalgebra::{Point2, Vector2};
 use sha2::{Digest, Sha256};
 
-use super::MANIFEST;
+use super::maps::Family;
 use super::record::{FORMAT, Manifest, MapRecord, MissionRecord, RecordError, ShardEntry, point};
-use super::sample::translate;
+use super::sample::{draw_sample, translate};
+use super::{GenerateConfig, MANIFEST};
 use crate::automaton::{Task, TaskError};
 use crate::guidance::{Guidance, Heatmap};
 use crate::ltl::{Formula, ParseError};
@@ -169,6 +172,8 @@ pub(super) fn digest(bytes: &[u8]) -> String {
 pub struct LabelledMission {
     /// The index of its map.
     pub map: u64,
+    /// The kind of map.
+    pub family: Family,
     /// The map, shared by its missions.
     pub workspace: Arc<Workspace>,
     /// Where the robot starts.
@@ -177,6 +182,8 @@ pub struct LabelledMission {
     pub formula: Formula,
     /// The task.
     pub task: Task,
+    /// Seconds from the formula to the task.
+    pub translate_seconds: f64,
     /// What the data set says about it.
     pub record: MissionRecord,
 }
@@ -245,13 +252,26 @@ pub fn missions(
     }))
 }
 
+/// The missions of a set that is not written anywhere, in order, drawn as they are asked for; they end where
+/// `stop` is set.
+///
+/// # Errors
+/// As [`missions`]'s items; none is expected of maps that were just drawn.
+pub fn drawn_missions<'a>(
+    config: &'a GenerateConfig,
+    stop: &'a AtomicBool,
+) -> impl Iterator<Item = Result<LabelledMission, ReadError>> + 'a {
+    let samples = (config.from..config.to).map_while(|index| draw_sample(config, index, stop));
+    samples.flat_map(|sample| map_missions(Path::new("drawn maps"), sample.record))
+}
+
 fn map_missions(path: &Path, map: MapRecord) -> Vec<Result<LabelledMission, ReadError>> {
     let path = path.to_owned();
     let workspace = match map.workspace() {
         Ok(workspace) => workspace,
         Err(source) => return vec![Err(ReadError::Record { path, source })],
     };
-    let index = map.index;
+    let (index, family) = (map.index, map.family);
     let mission = |record: MissionRecord| {
         let formula: Formula = record
             .formula
@@ -261,6 +281,7 @@ fn map_missions(path: &Path, map: MapRecord) -> Vec<Result<LabelledMission, Read
                 index,
                 source: Box::new(source),
             })?;
+        let begin = Instant::now();
         let task = translate(&formula, &workspace).map_err(|source| ReadError::Task {
             path: path.clone(),
             index,
@@ -268,10 +289,12 @@ fn map_missions(path: &Path, map: MapRecord) -> Vec<Result<LabelledMission, Read
         })?;
         Ok(LabelledMission {
             map: index,
+            family,
             workspace: workspace.clone(),
             start: point(record.start),
             formula,
             task,
+            translate_seconds: begin.elapsed().as_secs_f64(),
             record,
         })
     };

@@ -83,7 +83,11 @@ fn cuts(random: &mut Random) -> Cuts {
 }
 
 /// The inner walls, as (upright, column, row), in random order.
-fn shuffled(columns: usize, rows: usize, random: &mut Random) -> Vec<(bool, usize, usize)> {
+pub(super) fn shuffled(
+    columns: usize,
+    rows: usize,
+    random: &mut Random,
+) -> Vec<(bool, usize, usize)> {
     let upright = (0..columns - 1).flat_map(|i| (0..rows).map(move |j| (true, i, j)));
     let level = (0..columns).flat_map(|i| (0..rows - 1).map(move |j| (false, i, j)));
     let mut all: Vec<_> = upright.chain(level).collect();
@@ -111,10 +115,10 @@ fn solid(wall: Wall, (a, b): (f64, f64), thick: f64, random: &mut Random) -> Vec
 }
 
 /// Which rooms are joined already (union-find).
-struct Rooms(Vec<usize>);
+pub(super) struct Rooms(Vec<usize>);
 
 impl Rooms {
-    fn new(count: usize) -> Self {
+    pub(super) fn new(count: usize) -> Self {
         Self((0..count).collect())
     }
 
@@ -126,7 +130,7 @@ impl Rooms {
     }
 
     /// Joins two rooms; whether they were apart.
-    fn join(&mut self, a: usize, b: usize) -> bool {
+    pub(super) fn join(&mut self, a: usize, b: usize) -> bool {
         let (a, b) = (self.root(a), self.root(b));
         self.0[a] = b;
         a != b

@@ -1,5 +1,7 @@
 //! One map with its missions: drawn, planned by the expert, filtered.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use nalgebra::Point2;
 
 use super::GenerateConfig;
@@ -24,13 +26,21 @@ pub(super) struct Sample {
     pub(super) filtered: Counts,
 }
 
-/// Makes the sample with this index; it depends on the settings' seed and the index alone.
-pub(super) fn draw_sample(config: &GenerateConfig, index: u64) -> Sample {
+/// Makes the sample with this index; it depends on the settings' seed and the index alone. `None` if it was
+/// told to stop on the way, which is looked at before each map and mission that is drawn.
+pub(super) fn draw_sample(
+    config: &GenerateConfig,
+    index: u64,
+    stop: &AtomicBool,
+) -> Option<Sample> {
     let mut random = generator(config.seed, index);
     let weights = config.families.iter().map(|&(_, w)| w);
     let family = weighted(&mut random, weights).map_or(Family::Paper, |i| config.families[i].0);
     let mut filtered = Counts::new();
     loop {
+        if stop.load(Ordering::Relaxed) {
+            return None;
+        }
         let map = draw_map(family, &mut random);
         let mut record = MapRecord::new(index, &map);
         let Ok(workspace) = map.workspace() else {
@@ -56,6 +66,9 @@ pub(super) fn draw_sample(config: &GenerateConfig, index: u64) -> Sample {
         };
         let mut tree = chance(&mut random, config.random_share);
         for _ in 0..DRAWS * config.missions_per_map {
+            if stop.load(Ordering::Relaxed) {
+                return None;
+            }
             match draw.mission(tree, &record.missions, &mut random) {
                 Ok(mission) => {
                     record.missions.push(mission);
@@ -66,7 +79,7 @@ pub(super) fn draw_sample(config: &GenerateConfig, index: u64) -> Sample {
                 Err(reason) => drop_for(&mut filtered, reason),
             }
             if record.missions.len() == config.missions_per_map {
-                return Sample { record, filtered };
+                return Some(Sample { record, filtered });
             }
         }
         drop_for(&mut filtered, "map with too few missions");

@@ -274,6 +274,12 @@ impl Stop {
         self.0.store(true, Ordering::Relaxed);
     }
 
+    /// The flag itself, for work that is not a search.
+    #[must_use]
+    pub fn flag(&self) -> &AtomicBool {
+        &self.0
+    }
+
     /// Whether the search should end.
     #[must_use]
     pub fn is_raised(&self) -> bool {

@@ -13,6 +13,7 @@
 //! # Ok::<(), nngtl::scenario::ScenarioError>(())
 //! ```
 
+pub(crate) mod chart;
 mod colour;
 mod labels;
 mod legend;

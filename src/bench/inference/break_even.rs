@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::automaton::{Limits, Task};
 use crate::bench::stats::Ratio;
-use crate::bench::{BenchError, Case, Comparison, Strategy, Summary, compare};
+use crate::bench::{BenchError, Case, Comparison, Prediction, Strategy, Summary, compare};
 use crate::dataset::maps::{Family, draw_map, draw_start};
 use crate::dataset::missions::draw_pattern;
 use crate::mission;
@@ -93,20 +93,26 @@ pub fn generated_cases(seed: u64, count: usize, predictor: &mut Predictor) -> Ve
             }
             seconds.push(begin.elapsed().as_secs_f64());
         }
-        let (Some(_), Some(times)) = (&guidance, Summary::of(&seconds)) else {
+        let (Some(guidance), Some(times)) = (guidance, Summary::of(&seconds)) else {
             continue;
         };
         cases.push(Case {
             name: format!("{}-{index}", map.family.name()),
+            family: Some(map.family.name().to_owned()),
             problem: Problem {
                 start: system.start(),
                 system: Arc::new(system),
                 task: Arc::new(task),
                 weight: 0.2,
             },
-            guidance,
+            translate_seconds: 0.0,
+            predictions: vec![Prediction {
+                device: predictor.device().to_owned(),
+                guidance,
+                encode_seconds: 0.0,
+                infer_seconds: times.median,
+            }],
             labels: None,
-            inference_seconds: times.median,
         });
     }
     cases
@@ -127,7 +133,9 @@ pub fn break_even(
     progress: &mut dyn FnMut(usize),
 ) -> Result<Option<BreakEven>, BenchError> {
     let comparison = Comparison {
-        strategies: vec![Strategy::Biased, Strategy::Guided],
+        contenders: [Strategy::Biased, Strategy::Guided]
+            .map(Into::into)
+            .to_vec(),
         trials,
         settings: settings.clone(),
     };
@@ -136,15 +144,15 @@ pub fn break_even(
     for case in cases {
         let of = |strategy| {
             let runs = report.trials.iter();
-            runs.filter(move |t| t.case == case.name && t.strategy == strategy)
+            runs.filter(move |t| t.case == case.name && t.contender.strategy == strategy)
         };
         let mean_ms = |strategy| {
-            let times: Vec<f64> = of(strategy).map(|t| 1e3 * t.search_seconds).collect();
+            let times: Vec<f64> = of(strategy).map(|t| 1e3 * t.times.search).collect();
             super::super::mean(&times)
         };
         let both = [Strategy::Biased, Strategy::Guided];
         if both.iter().any(|&s| of(s).count() == 0)
-            || both.iter().all(|&s| of(s).all(|t| !t.solved))
+            || both.iter().all(|&s| of(s).all(|t| !t.solved()))
         {
             continue;
         }
@@ -152,7 +160,7 @@ pub fn break_even(
             name: case.name.clone(),
             biased_ms: mean_ms(Strategy::Biased),
             guided_ms: mean_ms(Strategy::Guided),
-            inference_ms: 1e3 * case.inference_seconds,
+            inference_ms: 1e3 * case.predictions.first().map_or(0.0, Prediction::seconds),
         });
     }
     Ok(BreakEven::of(device, trials, missions))

@@ -1,14 +1,22 @@
 //! What can be typed.
 
+mod bench;
+
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::automaton::Limits;
+use crate::dataset::maps::{Family, UnknownFamily};
 use crate::nn::DeviceChoice;
 use crate::planner::Settings;
 use crate::transfer::BuildSettings;
+
+pub(super) use bench::{
+    BenchArgs, BenchCommand, BenchInferenceArgs, BenchMissionArgs, BenchTransferArgs, StrategyName,
+    TransferTable,
+};
 
 /// Plans robot missions given in temporal logic, guided by neural networks.
 ///
@@ -371,6 +379,19 @@ pub(super) enum ModelCommand {
     },
 }
 
+/// A family of maps, with its weight if that is not 1.
+fn family_weight(text: &str) -> Result<(Family, f64), String> {
+    let (name, weight) = text.split_once('=').unwrap_or((text, "1"));
+    let family: Family = name
+        .trim()
+        .parse()
+        .map_err(|e: UnknownFamily| e.to_string())?;
+    let expected = || format!("expected a weight from 0 up after `{name}=`, found `{weight}`");
+    let number: f64 = weight.trim().parse().map_err(|_| expected())?;
+    let usable = number.is_finite() && number >= 0.0;
+    usable.then_some((family, number)).ok_or_else(expected)
+}
+
 /// Make training data
 #[derive(Debug, Subcommand)]
 pub(super) enum DatasetCommand {
@@ -381,7 +402,9 @@ pub(super) enum DatasetCommand {
 ///
 /// Writes shards that can be resumed after an interruption and depend on the seed alone.
 #[derive(Args, Debug)]
-#[command(after_help = "Example:\n  nngtl dataset generate --out data --missions 6000 --seed 1")]
+#[command(
+    after_help = "Examples:\n  nngtl dataset generate --out data --missions 6000 --seed 1\n  nngtl dataset generate --out mazes --missions 600 --families mazes=2,blobs"
+)]
 pub(super) struct GenerateArgs {
     /// The folder to write to; what is already there is kept and completed
     #[arg(long, value_name = "DIR")]
@@ -392,71 +415,13 @@ pub(super) struct GenerateArgs {
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
+    /// Families of maps and how often each is drawn: paper, clutter, rooms, mazes, blobs, large, small
+    /// [default: paper=0.55,clutter=0.25,rooms=0.2]
+    #[arg(long, value_delimiter = ',', value_parser = family_weight, value_name = "NAME=WEIGHT,…")]
+    pub(super) families: Vec<(Family, f64)>,
     /// Threads to use, 0 for one per core
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) threads: usize,
-}
-
-/// Compare samplers on the same missions
-///
-/// Every mission is searched by every sampler with the same seeds until its first plan. `flat` is
-/// the guided rule without networks: what the networks add is what lies below it. Ratios come with
-/// 95 % bootstrap intervals.
-#[derive(Args, Debug)]
-#[command(
-    after_help = "Examples:\n  nngtl bench scenarios/*.toml\n  nngtl bench data --limit 200 --trials 5 --report bench.md --csv bench.csv"
-)]
-#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
-pub(super) struct BenchArgs {
-    #[command(subcommand)]
-    pub(super) table: Option<BenchCommand>,
-    /// Scenario files, or folders of generated data sets
-    #[arg(value_name = "SCENARIOS", required = true)]
-    pub(super) scenarios: Vec<PathBuf>,
-    /// What to compare
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_values_t = [StrategyName::Biased, StrategyName::Flat, StrategyName::Guided])]
-    pub(super) samplers: Vec<StrategyName>,
-    #[command(flatten)]
-    pub(super) network: NetworkArgs,
-    /// Missions at most, from the front
-    #[arg(long, value_name = "N")]
-    pub(super) limit: Option<usize>,
-    /// Runs of each sampler on each mission
-    #[arg(long, value_name = "N", default_value_t = 5)]
-    pub(super) trials: u64,
-    /// Samples to draw at most; runs that end there count as that many
-    #[arg(long, value_name = "N", default_value_t = 20_000)]
-    pub(super) iterations: u64,
-    /// Seed of the first run
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(super) seed: u64,
-    /// Probability to draw towards the target instead of uniformly
-    #[arg(long, value_name = "P", default_value_t = Settings::default().y_rand)]
-    pub(super) y_rand: f64,
-    /// Probability that a choice follows the predicted states
-    #[arg(long, value_name = "P", default_value_t = Settings::default().alpha)]
-    pub(super) alpha: f64,
-    /// Search on to the last iteration (or second, see --time-limit) and report how near the cost comes
-    /// to the exact planner's plan, and when; one run of each sampler
-    #[arg(long)]
-    pub(super) gaps: bool,
-    /// With --gaps: certified lower bounds too, which take seconds a mission
-    #[arg(long, requires = "gaps")]
-    pub(super) bounds: bool,
-    /// Guided sampling exactly as in the paper (C-1 and C-2, y_rand and α 0.8), without what nngtl adds
-    #[arg(long)]
-    pub(super) paper_rule: bool,
-    #[command(flatten)]
-    pub(super) guided: GuidedArgs,
-    /// With --gaps: seconds of each search at most
-    #[arg(long, value_name = "S", requires = "gaps")]
-    pub(super) time_limit: Option<f64>,
-    /// Write the tables as Markdown
-    #[arg(long, value_name = "FILE.md")]
-    pub(super) report: Option<PathBuf>,
-    /// Write every run as a line of comma-separated values
-    #[arg(long, value_name = "FILE.csv")]
-    pub(super) csv: Option<PathBuf>,
 }
 
 /// How guided sampling goes beyond the paper; 0 is the paper's rule.
@@ -471,128 +436,6 @@ pub(super) struct GuidedArgs {
     /// Guided: half side of the square around the next corner of the shortest way, relative to the map's side
     #[arg(long, value_name = "R", default_value_t = Settings::default().corner)]
     pub(super) corner: f64,
-}
-
-/// A sampler of a comparison.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum StrategyName {
-    /// Uniform sampling
-    Uniform,
-    /// Biased sampling
-    Biased,
-    /// The rules of guided sampling without networks, as plan has them
-    Directed,
-    /// The guided rule with a flat heatmap and flat state probabilities
-    Flat,
-    /// Guided by the networks
-    Guided,
-    /// The guided rule with a data set's labels in place of the networks: the most they could gain
-    Oracle,
-}
-
-/// A benchmark of its own.
-#[derive(Debug, Subcommand)]
-pub(super) enum BenchCommand {
-    Transfer(BenchTransferArgs),
-    Inference(BenchInferenceArgs),
-}
-
-/// Measure transfer planning as its paper does
-///
-/// Table I and II on the paper's grid with the paper's figures beside ours, and the same in the
-/// continuous workspace of the TL-RRT* reference case.
-#[derive(Args, Debug)]
-#[command(
-    after_help = "Examples:\n  nngtl bench transfer\n  nngtl bench transfer --table 1 --hoa automata --report table.md"
-)]
-pub(super) struct BenchTransferArgs {
-    /// Which tables
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_values_t = [TransferTable::One, TransferTable::Two, TransferTable::Continuous])]
-    pub(super) table: Vec<TransferTable>,
-    /// Runs of each formula, and in each changed environment
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
-    pub(super) trials: u64,
-    /// Changed environments for each formula and number of obstacles
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]
-    pub(super) environments: u64,
-    /// Seed of the first run
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(super) seed: u64,
-    /// Seconds of each anytime phase, at most
-    #[arg(long, value_name = "S", default_value_t = 1.0)]
-    pub(super) anytime: f64,
-    /// Count subtasks on these automata, too: a folder of phi1.hoa to phi6.hoa
-    #[arg(long, value_name = "DIR")]
-    pub(super) hoa: Option<PathBuf>,
-    #[command(flatten)]
-    pub(super) network: NetworkArgs,
-    /// Write the tables as Markdown
-    #[arg(long, value_name = "FILE.md")]
-    pub(super) report: Option<PathBuf>,
-}
-
-/// Measure the networks on this machine's devices
-///
-/// Every model given or found in `models/`, and the paper's networks with random weights, on every
-/// device: start-up, first run and steady state, beside the device's measured peak. Then guided
-/// against biased search with inference included: from when on guidance pays.
-#[derive(Args, Debug)]
-#[command(
-    after_help = "Examples:\n  nngtl bench inference\n  nngtl bench inference --device cpu --report inference.md --csv inference.csv --plot inference.svg\n  nngtl bench inference --model models/mine --no-paper scenarios/*.toml"
-)]
-pub(super) struct BenchInferenceArgs {
-    /// Missions to compare samplers on: scenario files or folders of data sets [default: generated]
-    #[arg(value_name = "SCENARIOS")]
-    pub(super) scenarios: Vec<PathBuf>,
-    /// Weight files or folders of two to measure [default: those in models/, else the built-in ones]
-    #[arg(long, value_name = "FILE|DIR")]
-    pub(super) model: Vec<PathBuf>,
-    /// Leave out the paper's networks with random weights
-    #[arg(long)]
-    pub(super) no_paper: bool,
-    /// Measure on this device alone
-    #[arg(long, value_enum, value_name = "NAME")]
-    pub(super) device: Option<DeviceName>,
-    /// Threads of the CPU path
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub(super) threads: usize,
-    /// Runs of each network on each device, at least
-    #[arg(long, value_name = "N", default_value_t = 30)]
-    pub(super) runs: usize,
-    /// Seconds for each network on each device, about
-    #[arg(long, value_name = "S", default_value_t = 2.0)]
-    pub(super) seconds: f64,
-    /// Missions to compare samplers on, at most; 0 leaves the comparison out
-    #[arg(long, value_name = "N", default_value_t = 60)]
-    pub(super) missions: usize,
-    /// Runs of each sampler on each mission
-    #[arg(long, value_name = "N", default_value_t = 5)]
-    pub(super) trials: u64,
-    /// Seed of the missions and of the first run
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(super) seed: u64,
-    /// Write the tables as Markdown
-    #[arg(long, value_name = "FILE.md")]
-    pub(super) report: Option<PathBuf>,
-    /// Write one line of comma-separated values for each network and device
-    #[arg(long, value_name = "FILE.csv")]
-    pub(super) csv: Option<PathBuf>,
-    /// Draw the latencies
-    #[arg(long, value_name = "FILE.svg|png")]
-    pub(super) plot: Option<PathBuf>,
-}
-
-/// A table of the transfer benchmark.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum TransferTable {
-    /// Table I: new formulas
-    #[value(name = "1")]
-    One,
-    /// Table II: changed environments
-    #[value(name = "2")]
-    Two,
-    /// The continuous workspace
-    Continuous,
 }
 
 /// Build and look at libraries of skills

@@ -1,0 +1,209 @@
+//! Costs over time as Markdown and CSV.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use super::super::report::{cell_or_dash, quoted};
+use super::super::stats::{self, Measured, Ratio, mean};
+use super::super::{Contender, Group, Strategy};
+use super::{Convergence, NEAR, Reference, gap};
+
+/// What a search took to come near the exact planner's plan.
+struct Spent {
+    iterations: f64,
+    /// With inference.
+    milliseconds: f64,
+    never: bool,
+}
+
+impl Convergence {
+    /// The tables as Markdown.
+    #[must_use]
+    pub fn to_markdown(&self) -> String {
+        let all = &self.references;
+        let of = |value: fn(&Reference) -> f64| all.iter().map(value).collect::<Vec<f64>>();
+        let gaps = |lower: fn(&Reference) -> Option<f64>| {
+            let gaps: Vec<f64> = all
+                .iter()
+                .filter_map(|r| Some(gap(r.upper, lower(r)?)))
+                .collect();
+            let largest = gaps.iter().copied().fold(0.0, f64::max);
+            let [largest, middle, mean] = [largest, quantile(&gaps, 0.5), mean(&gaps)].map(percent);
+            format!("{largest} more than the optimum (mean {mean}, median {middle})")
+        };
+        let time = |seconds: Vec<f64>| {
+            let [mean, middle] = [mean(&seconds), quantile(&seconds, 0.5)].map(|s| 1e3 * s);
+            format!("{mean:.1} ms on average (median {middle:.1} ms)")
+        };
+        let mut text = format!(
+            "{} missions that the exact planner solves. Its plans take {}. They cost at most {} by lower \
+             bounds without refinement, which take {}",
+            all.len(),
+            time(of(|r| r.seconds)),
+            gaps(|r| Some(r.quick)),
+            time(of(|r| r.quick_seconds)),
+        );
+        if all.iter().any(|r| r.lower.is_some()) {
+            let _ = write!(
+                text,
+                "; by refined ones at most {}, which take {}",
+                gaps(|r| r.lower),
+                time(of(|r| r.bound_seconds)),
+            );
+        }
+        let refused = self.descents.iter().filter(|d| d.verified == Some(false));
+        let checked = self.descents.iter().filter(|d| d.verified.is_some());
+        let _ = writeln!(
+            text,
+            ".\n\nThe checker refused {} of {} plans that the samplers ended with.\n",
+            refused.count(),
+            checked.count()
+        );
+        text.push_str(
+            "Gap of each sampler's best plan to the exact planner's (negative: better).\n\n",
+        );
+        text.push_str("| sampler | after | no plan | mean gap | median | 90 % | largest | within 1 % | within 0.1 % |\n");
+        text.push_str("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n");
+        for contender in &self.contenders {
+            for (k, mark) in self.marks.iter().enumerate() {
+                let (gaps, missing) = self.gaps(contender, k);
+                let within = |limit: f64| gaps.iter().filter(|&&g| g <= limit).count();
+                let _ = writeln!(
+                    text,
+                    "| {} | {} | {missing} | {} | {} | {} | {} | {} | {} |",
+                    contender,
+                    mark.name(),
+                    percent(mean(&gaps)),
+                    percent(quantile(&gaps, 0.5)),
+                    percent(quantile(&gaps, 0.9)),
+                    percent(gaps.iter().copied().fold(f64::NEG_INFINITY, f64::max)),
+                    within(0.01),
+                    within(0.001),
+                );
+            }
+        }
+        self.write_reached(&mut text);
+        text
+    }
+
+    /// The table of iterations and seconds until plans are near the exact planner's.
+    fn write_reached(&self, text: &mut String) {
+        text.push_str(
+            "\nUntil the best plan costs at most so much more than the exact planner's; a search that never gets there \
+             counts with all that it spent, and what that makes a lower bound is marked ≥. Mean · median [quartiles]; time with \
+             encoding and networks; ratios of means to biased with 95 % bootstrap intervals over missions.\n\n",
+        );
+        text.push_str("| missions | sampler | within | never | iterations | ms | iterations ÷ biased | time ÷ biased |\n");
+        text.push_str("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |\n");
+        let biased = Contender::from(Strategy::Biased);
+        for group in self.groups() {
+            for share in NEAR {
+                let against = self.spent(&group, &biased, share);
+                for contender in &self.contenders {
+                    let mine = self.spent(&group, contender, share);
+                    write_spent(text, &group, contender, share, &mine, &against);
+                }
+            }
+        }
+    }
+
+    /// What each mission's search spent until it came this near, by mission.
+    fn spent(&self, group: &Group, contender: &Contender, share: f64) -> BTreeMap<&str, Spent> {
+        let mine = self.descents.iter().filter(|d| d.contender == *contender);
+        let inside = mine.filter(|d| group.cases.contains(&d.case));
+        inside
+            .filter_map(|d| {
+                let reached = d.reached(self.reference(&d.case)?.upper, share);
+                let (iterations, seconds) = reached.unwrap_or((d.iterations, d.seconds));
+                let spent = Spent {
+                    iterations: iterations as f64,
+                    milliseconds: 1e3 * (seconds + d.network_seconds),
+                    never: reached.is_none(),
+                };
+                Some((d.case.as_str(), spent))
+            })
+            .collect()
+    }
+
+    /// Every search as a line of comma-separated values, with a header: bounds, the cost after so many
+    /// iterations, and then what depends on the machine.
+    #[must_use]
+    pub fn to_csv(&self) -> String {
+        let mut marks: Vec<_> = self.marks.iter().collect();
+        marks.sort_by_key(|m| matches!(m, super::Mark::Seconds(_)));
+        let mut text = String::from("case,family,sampler,lower,upper,verified");
+        for mark in &marks {
+            let _ = write!(text, ",{}", mark.name());
+        }
+        text.push_str(",seconds,network_seconds\n");
+        let known = |x: Option<f64>| x.map_or(String::new(), |x| x.to_string());
+        for d in &self.descents {
+            let Some(r) = self.reference(&d.case) else {
+                continue;
+            };
+            let mut fields = vec![
+                quoted(&d.case),
+                quoted(r.family.as_deref().unwrap_or("")),
+                quoted(&d.contender.to_string()),
+                known(r.lower),
+                r.upper.to_string(),
+                d.verified.map_or(String::new(), |v| v.to_string()),
+            ];
+            fields.extend(marks.iter().map(|m| known(m.cost(&d.improvements))));
+            fields.extend([d.seconds, d.network_seconds].map(|s| s.to_string()));
+            text.push_str(&fields.join(","));
+            text.push('\n');
+        }
+        text
+    }
+}
+
+fn write_spent(
+    text: &mut String,
+    group: &Group,
+    contender: &Contender,
+    share: f64,
+    mine: &BTreeMap<&str, Spent>,
+    against: &BTreeMap<&str, Spent>,
+) {
+    let cell = |value: fn(&Spent) -> f64, digits: usize| {
+        let runs: Vec<(f64, bool)> = mine.values().map(|s| (value(s), s.never)).collect();
+        cell_or_dash(Measured::of(&runs).map(|m| m.cell(digits)))
+    };
+    let ratio = |value: fn(&Spent) -> f64| {
+        let pairs: Vec<(f64, f64)> = mine
+            .iter()
+            .filter_map(|(case, s)| Some((value(s), value(against.get(case)?))))
+            .collect();
+        cell_or_dash(Ratio::of_means(&pairs))
+    };
+    let _ = writeln!(
+        text,
+        "| {} | {contender} | {} % | {} of {} | {} | {} | {} | {} |",
+        group.name,
+        100.0 * share,
+        mine.values().filter(|s| s.never).count(),
+        mine.len(),
+        cell(|s| s.iterations, 0),
+        cell(|s| s.milliseconds, 2),
+        ratio(|s| s.iterations),
+        ratio(|s| s.milliseconds),
+    );
+}
+
+fn percent(share: f64) -> String {
+    if share.is_finite() {
+        format!("{:.3} %", 100.0 * share)
+    } else {
+        "–".to_owned()
+    }
+}
+
+fn quantile(values: &[f64], q: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    if sorted.is_empty() {
+        return f64::NAN;
+    }
+    stats::quantile(&sorted, q)
+}

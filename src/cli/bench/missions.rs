@@ -1,0 +1,218 @@
+//! The missions of a comparison: read or drawn, with what the networks say about them.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use nalgebra::Point2;
+
+use crate::automaton::Task;
+use crate::bench::{Case, Prediction};
+use crate::cli::args::BenchMissionArgs;
+use crate::cli::console::Console;
+use crate::cli::failure::Failure;
+use crate::dataset::maps::Family;
+use crate::dataset::{self, GenerateConfig, LabelledMission};
+use crate::guidance::Guidance;
+use crate::mission::{self, MissionError};
+use crate::nn::Predictor;
+use crate::planner::{Problem, Stop};
+use crate::scenario::Scenario;
+use crate::system::Continuous;
+use crate::workspace::Workspace;
+
+/// λ of missions that name none, as in the data sets.
+const WEIGHT: f64 = 0.2;
+
+/// A mission before the networks have seen it.
+pub(super) struct Mission {
+    name: String,
+    family: Option<Family>,
+    map: Arc<Workspace>,
+    start: Point2<f64>,
+    task: Task,
+    translate_seconds: f64,
+    weight: f64,
+    /// The guidance that a data set's labels make.
+    labels: Option<Guidance>,
+}
+
+impl Mission {
+    fn labelled(mission: LabelledMission, number: usize) -> Self {
+        Self {
+            name: format!("{}-{number}", mission.map),
+            family: Some(mission.family),
+            labels: Some(mission.guidance()),
+            map: mission.workspace,
+            start: mission.start,
+            task: mission.task,
+            translate_seconds: mission.translate_seconds,
+            weight: WEIGHT,
+        }
+    }
+}
+
+/// The missions of these files and folders, with the predictions of one device.
+pub(in crate::cli) fn missions(
+    paths: &[PathBuf],
+    limit: Option<usize>,
+    predictor: &mut Predictor,
+    console: &Console,
+) -> Result<Vec<Case>, Failure> {
+    let found = read_all(paths, limit, console)?;
+    cases(found, std::slice::from_mut(predictor), console)
+}
+
+/// The missions that the arguments ask for.
+pub(super) fn wanted(
+    paths: &[PathBuf],
+    args: &BenchMissionArgs,
+    stop: &Stop,
+    console: &Console,
+) -> Result<Vec<Mission>, Failure> {
+    if paths.is_empty() {
+        return drawn(args, stop, console);
+    }
+    read_all(paths, args.limit, console)
+}
+
+/// Draws missions, each on a map of its own.
+fn drawn(args: &BenchMissionArgs, stop: &Stop, console: &Console) -> Result<Vec<Mission>, Failure> {
+    let wanted = args
+        .limit
+        .map_or(args.missions, |n| args.missions.min(n as u64));
+    let config = GenerateConfig {
+        to: wanted,
+        missions_per_map: 1,
+        families: match args.families.as_slice() {
+            [] => vec![(Family::Paper, 1.0)],
+            some => some.to_vec(),
+        },
+        ..GenerateConfig::new("", args.mission_seed, wanted)
+    };
+    let bar = console.progress(wanted, "drawing");
+    let mut found = Vec::new();
+    for mission in dataset::drawn_missions(&config, stop.flag()) {
+        let mission = mission.map_err(|e| Failure::input(e.to_string()))?;
+        found.push(Mission::labelled(mission, found.len()));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(found)
+}
+
+fn read_all(
+    paths: &[PathBuf],
+    limit: Option<usize>,
+    console: &Console,
+) -> Result<Vec<Mission>, Failure> {
+    let mut found = Vec::new();
+    for path in paths {
+        let left = limit.map_or(usize::MAX, |n| n - found.len());
+        found.extend(read(path, left, console)?);
+    }
+    // Names tell missions apart, and two files may use the same.
+    let mut names = HashSet::new();
+    for mission in &mut found {
+        let plain = mission.name.clone();
+        let mut copy = 1;
+        while !names.insert(mission.name.clone()) {
+            copy += 1;
+            mission.name = format!("{plain} ({copy})");
+        }
+    }
+    Ok(found)
+}
+
+/// The missions of a scenario file or of a data set's folder. Those that cannot be read or
+/// translated are told and left out.
+fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Failure> {
+    let mut found = Vec::new();
+    let skip = |why: String| console.warn(&format!("{}: left out: {why}", path.display()));
+    if path.is_dir() {
+        let missions =
+            dataset::labelled_missions(path).map_err(|e| Failure::input(e.to_string()))?;
+        for mission in missions.take(limit) {
+            match mission {
+                Ok(mission) => found.push(Mission::labelled(mission, found.len())),
+                Err(e) => skip(e.to_string()),
+            }
+        }
+        return Ok(found);
+    }
+    let scenarios = Scenario::load_all(path).map_err(|e| Failure::input(e.to_string()))?;
+    for scenario in scenarios.into_iter().take(limit) {
+        let begin = Instant::now();
+        let ready = scenario
+            .map_err(|e| e.to_string())
+            .and_then(|s| mission::task(&s).map(|t| (s, t)).map_err(|e| e.to_string()));
+        match ready {
+            Ok((s, task)) => found.push(Mission {
+                name: s.name,
+                family: None,
+                map: s.workspace,
+                start: s.start,
+                task,
+                translate_seconds: begin.elapsed().as_secs_f64(),
+                weight: s.weight,
+                labels: None,
+            }),
+            Err(e) => skip(e),
+        }
+    }
+    Ok(found)
+}
+
+/// Missions with what the networks say about them on each device, all at once.
+pub(super) fn cases(
+    missions: Vec<Mission>,
+    predictors: &mut [Predictor],
+    console: &Console,
+) -> Result<Vec<Case>, Failure> {
+    let mut predictions: Vec<Vec<Prediction>> = missions.iter().map(|_| Vec::new()).collect();
+    let asked: Vec<_> = missions
+        .iter()
+        .map(|m| (&*m.map, m.start, &m.task))
+        .collect();
+    for predictor in predictors {
+        let device = predictor.device().to_owned();
+        let found = mission::predict_many(predictor, &asked);
+        for ((mission, all), prediction) in missions.iter().zip(&mut predictions).zip(found) {
+            match prediction {
+                Ok(prediction) => {
+                    if let Some(notice) = &prediction.notice {
+                        console.warn(notice);
+                    }
+                    all.push(Prediction {
+                        device: device.clone(),
+                        guidance: prediction.guidance,
+                        encode_seconds: prediction.encode,
+                        infer_seconds: prediction.infer,
+                    });
+                }
+                Err(e) => console.warn(&format!("{}: without guidance: {e}", mission.name)),
+            }
+        }
+    }
+    missions
+        .into_iter()
+        .zip(predictions)
+        .map(|(mission, predictions)| {
+            let system = Continuous::new(mission.map, mission.start).map_err(MissionError::from)?;
+            Ok(Case {
+                name: mission.name,
+                family: mission.family.map(|f| f.name().to_owned()),
+                problem: Problem {
+                    start: system.start(),
+                    system: Arc::new(system),
+                    task: Arc::new(mission.task),
+                    weight: mission.weight,
+                },
+                translate_seconds: mission.translate_seconds,
+                predictions,
+                labels: mission.labels,
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,194 @@
+//! `nngtl bench`: tables of drawn missions, and a folder that an interrupted comparison goes on from.
+
+mod cli;
+
+use std::path::Path;
+
+use cli::{command, folder, nngtl};
+
+const DRAWN: [&str; 9] = [
+    "bench",
+    "--missions",
+    "5",
+    "--families",
+    "paper,mazes",
+    "--trials",
+    "2",
+    "--iterations",
+    "3000",
+];
+
+fn drawn(more: &[&str]) -> cli::Run {
+    nngtl(&[&DRAWN, more].concat())
+}
+
+/// A CSV without the columns of seconds, which are the last ones.
+fn without_times(path: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let kept = header.iter().filter(|name| !name.ends_with("seconds"));
+    let kept = kept.count();
+    let cut = |line: &str| line.split(',').take(kept).collect::<Vec<_>>().join(",");
+    text.lines().map(cut).collect()
+}
+
+#[test]
+fn drawn_missions_are_compared_and_empty_classes_told() {
+    let run = drawn(&[
+        "--samplers",
+        "uniform,biased",
+        "--complex-from",
+        "100000",
+        "-q",
+    ]);
+    assert_eq!(run.code, 0, "{run:?}");
+    assert!(
+        run.out
+            .contains("5 simple, 0 complex. No mission is complex"),
+        "{}",
+        run.out
+    );
+    for words in [
+        "| all (5) | uniform |",
+        "| mazes (",
+        "| paper (",
+        "| uniform | biased |",
+    ] {
+        assert!(run.out.contains(words), "{words}: {}", run.out);
+    }
+    let run = drawn(&["--samplers", "biased", "--json", "-q"]).json();
+    assert_eq!(run["missions"], 5);
+    assert_eq!(run["trials"].as_array().unwrap().len(), 10);
+    assert!(run["classes"].is_null());
+}
+
+#[test]
+fn two_reports_differ_in_times_alone() {
+    let folders = [folder(), folder()];
+    for folder in &folders {
+        let out = folder.path().display().to_string();
+        let run = drawn(&[
+            "--out",
+            &out,
+            "--cost-iterations",
+            "100",
+            "--samplers",
+            "biased,directed",
+        ]);
+        assert_eq!(run.code, 0, "{run:?}");
+    }
+    let [one, two] = [&folders[0], &folders[1]].map(|f| f.path().to_owned());
+    for name in ["trials.csv", "costs.csv"] {
+        assert_eq!(
+            without_times(&one.join(name)),
+            without_times(&two.join(name))
+        );
+    }
+    let read = |name: &str| std::fs::read_to_string(one.join(name)).unwrap();
+    let report = read("report.md");
+    for picture in [
+        "first-prefixes.svg",
+        "success.svg",
+        "ratios.svg",
+        "costs.svg",
+    ] {
+        assert!(report.contains(&format!("]({picture})")), "{report}");
+        assert!(read(picture).starts_with("<svg "));
+    }
+    assert!(
+        report.contains("--families paper,mazes") && report.contains("cores"),
+        "{report}"
+    );
+    let object: serde_json::Value = serde_json::from_str(&read("report.json")).unwrap();
+    assert_eq!(object["findings"]["first"]["missions"], 5);
+    // Nothing is left to do, and other settings are not mixed in.
+    let again = drawn(&[
+        "--out",
+        &one.display().to_string(),
+        "--cost-iterations",
+        "100",
+        "--samplers",
+        "biased,directed",
+    ]);
+    assert!(again.err.contains("5 missions are kept"), "{again:?}");
+    let other = drawn(&["--out", &one.display().to_string(), "--seed", "9"]);
+    assert_eq!(other.code, 2);
+    assert!(other.err.contains("other settings"), "{other:?}");
+}
+
+/// Ctrl-C writes the report of what is done, and the same command goes on from there.
+#[cfg(unix)]
+#[test]
+fn an_interrupt_keeps_what_was_done() {
+    let folder = folder();
+    let out = folder.path().display().to_string();
+    let arguments = [
+        "bench",
+        "--missions",
+        "60",
+        "--trials",
+        "2",
+        "--samplers",
+        "uniform",
+        "--cost-iterations",
+        "0",
+        "--out",
+        &out,
+    ];
+    let mut child = command()
+        .args(arguments)
+        .stderr(std::process::Stdio::null())
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let log = folder.path().join("missions.jsonl");
+    let lines = || std::fs::read_to_string(&log).map_or(0, |text| text.lines().count());
+    while lines() < 4 {
+        assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let kill = std::process::Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(kill.unwrap().success());
+    let code = child.wait().unwrap().code();
+    let done = lines() - 1;
+    assert!(
+        code == Some(1) && (3..60).contains(&done),
+        "{code:?}, {done} missions"
+    );
+    let report = std::fs::read_to_string(folder.path().join("report.md")).unwrap();
+    assert!(
+        report.contains(&format!("**Interrupted**: {done} of 60 missions")),
+        "{report}"
+    );
+    let rest = nngtl(&arguments);
+    assert_eq!(rest.code, 0, "{rest:?}");
+    assert!(
+        rest.err.contains(&format!("{done} missions are kept")),
+        "{}",
+        rest.err
+    );
+    assert_eq!(lines(), 61);
+}
+
+#[test]
+fn arguments_that_make_no_sense_are_refused() {
+    for (arguments, words) in [
+        (
+            &["bench", "--families", "caves"][..],
+            "no family of maps called `caves`",
+        ),
+        (&["bench", "--time-limit", "1"], "required"),
+        (&["bench", "--out", "x", "--gaps"], "cannot be used with"),
+        (
+            &["bench", "scenarios", "--missions", "3"],
+            "cannot be used with",
+        ),
+        (&["bench", "--trials", "0"], "0 is not in"),
+    ] {
+        let run = nngtl(arguments);
+        assert_eq!(run.code, 2, "{run:?}");
+        assert!(run.err.contains(words), "{words}: {}", run.err);
+    }
+}

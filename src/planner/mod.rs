@@ -6,6 +6,7 @@
 //! improving until its budget ends. It asks a [`Sampler`] where to look and knows neither networks
 //! nor devices.
 
+mod advice;
 mod parallel;
 mod polish;
 mod sampler;

@@ -7,6 +7,7 @@ mod turns;
 use std::collections::HashMap;
 use std::time::Instant;
 
+use super::advice::advice;
 use super::parallel::{self, Race};
 use super::polish::Polish;
 use super::sampler::{Aim, Sampler};
@@ -17,6 +18,7 @@ use super::tree::{NodeId, Tree};
 use super::{
     EndReason, First, NotFound, PlanError, Problem, Progress, Solution, Stats, staying_accepts,
 };
+use crate::automaton::Task;
 use crate::plan::{Cost, Path, Waypoint};
 use crate::random::{Random, generator};
 use growth::{grow, grow_to};
@@ -92,6 +94,8 @@ struct Best {
 
 pub(super) struct Search<'a> {
     problem: &'a Problem,
+    /// The task as samplers see it, if that is another one.
+    advice: Option<Task>,
     sampler: &'a Sampler,
     settings: &'a Settings,
     random: Random,
@@ -134,6 +138,7 @@ impl<'a> Search<'a> {
         prefix.pass_on_at_most(ALLOWANCE);
         Self {
             problem,
+            advice: advice(problem),
             sampler,
             settings,
             random: generator(settings.seed, stream),
@@ -226,7 +231,10 @@ impl<'a> Search<'a> {
         let grown = match beacon {
             Some(at) => grow_to(self.problem, self.settings, &mut self.prefix, at),
             None => grow(
-                self.problem,
+                (
+                    self.problem,
+                    self.advice.as_ref().unwrap_or(&self.problem.task),
+                ),
                 self.sampler,
                 self.settings,
                 &mut self.prefix,
@@ -250,7 +258,10 @@ impl<'a> Search<'a> {
         suffix.iterations += 1;
         self.suffix_iterations += 1;
         let grown = grow(
-            self.problem,
+            (
+                self.problem,
+                self.advice.as_ref().unwrap_or(&self.problem.task),
+            ),
             self.sampler,
             self.settings,
             &mut suffix.tree,

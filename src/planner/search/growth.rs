@@ -2,15 +2,17 @@
 
 use nalgebra::Point2;
 
+use crate::automaton::Task;
 use crate::planner::Problem;
 use crate::planner::sampler::{Aim, Draw, Sampler, View};
 use crate::planner::settings::Settings;
 use crate::planner::tree::Tree;
 use crate::random::Random;
 
-/// One iteration on one tree: sample, steer, extend, rewire. Whether anything was connected.
+/// One iteration on one tree: sample by the task as samplers see it, steer, extend, rewire. Whether anything was
+/// connected.
 pub(super) fn grow(
-    problem: &Problem,
+    (problem, task): (&Problem, &Task),
     sampler: &Sampler,
     settings: &Settings,
     tree: &mut Tree<'_>,
@@ -21,7 +23,7 @@ pub(super) fn grow(
     let began = tree.began();
     let view = View {
         system: &*problem.system,
-        task: &problem.task,
+        task,
         settings,
         tree,
         aim,

@@ -10,7 +10,7 @@ use crate::render::chart::{Axis, Chart, Ink, Mark, Panel, Spread};
 const LEAST_GAP: f64 = 0.1;
 
 /// Gaps above this, in percent, are drawn at it.
-const LARGEST_GAP: f64 = 200.0;
+const LARGEST_GAP: f64 = 100.0;
 
 /// Each strategy keeps its colour in every plot; further devices of the guided one get the last ones.
 fn ink(contender: &Contender, all: &[Contender]) -> Ink {
@@ -215,10 +215,6 @@ pub(super) fn costs(costs: &Convergence) -> Option<Chart> {
         let curves: Vec<(Ink, Vec<[f64; 4]>)> = curves.collect();
         let points = || curves.iter().flat_map(|(_, points)| points);
         let x = Axis::log(label, points().map(|p| factor * p[0]));
-        let largest = points()
-            .flat_map(|p| [p[2], p[3]])
-            .filter(|g| g.is_finite());
-        let largest = largest.fold(10.0 * LEAST_GAP, f64::max).min(LARGEST_GAP);
         let bands = curves.iter().map(|(ink, points)| {
             let band = points.iter().map(|p| [factor * p[0], p[1], p[3]]);
             Mark::Band(band.collect(), *ink)
@@ -234,7 +230,7 @@ pub(super) fn costs(costs: &Convergence) -> Option<Chart> {
         let panel = Panel {
             marks: bands.chain(lines).collect(),
             x,
-            y: Axis::log(y_label, [LEAST_GAP, largest])
+            y: Axis::log(y_label, [LEAST_GAP, LARGEST_GAP])
                 .with_floor(LEAST_GAP)
                 .with_unit(" %"),
         };

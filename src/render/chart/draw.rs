@@ -301,7 +301,12 @@ impl Canvas<'_> {
         ));
     }
 
+    /// A limit beyond the axis is left out: at its end it would say something else.
     fn limit(&mut self, at: f64, name: &str) {
+        let [low, high] = self.panel.x.range;
+        if !(low..=high).contains(&at) {
+            return;
+        }
         let Rect { min, max } = self.frame;
         let (x, faint) = (self.x(at), hex(FAINT));
         self.add(format_args!(

@@ -8,8 +8,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use nngtl::alphabet::Props;
 use nngtl::dataset::maps::Family;
 use nngtl::dataset::{
-    AutomatonRecord, GenerateConfig, GenerateError, LabelledMission, MANIFEST, Manifest, Outcome,
-    Pair, ReadError, generate, labelled_missions, point, read_manifest, read_shard,
+    AutomatonRecord, GenerateConfig, GenerateError, LabelledMission, MANIFEST, Manifest,
+    MergeError, Outcome, Pair, ReadError, generate, labelled_missions, merge, point, read_manifest,
+    read_shard,
 };
 use nngtl::ltl::semantics;
 use tempfile::TempDir;
@@ -85,6 +86,85 @@ fn shards_do_not_change_a_sample_and_parts_are_parts_of_the_whole() {
     });
     assert_eq!(manifest.shards[0].file, "shard-00002.jsonl.gz");
     assert_eq!(maps(part.path()), whole[4..]);
+}
+
+#[test]
+fn parts_put_together_are_the_whole_byte_for_byte() {
+    let (_folder, whole) = fresh();
+    let parts: Vec<TempDir> = (0..2).map(|_| TempDir::new().unwrap()).collect();
+    for (k, part) in parts.iter().enumerate() {
+        let manifest = run(&config(part.path()).part(k as u64 + 1, 2).unwrap());
+        assert_eq!(manifest.shards.len(), 1 + k);
+    }
+    let folders = |k: [usize; 2]| k.map(|k| parts[k].path().to_owned());
+    for order in [[0, 1], [1, 0]] {
+        let out = TempDir::new().unwrap();
+        let manifest = merge(&folders(order), out.path()).unwrap();
+        assert_eq!(contents(out.path()), whole);
+        assert_eq!(manifest, read_manifest(out.path()).unwrap());
+        // The whole and a part of it are the whole; and it can be continued by a run.
+        let again = [out.path().to_owned(), parts[0].path().to_owned()];
+        let twice = TempDir::new().unwrap();
+        merge(&again, twice.path()).unwrap();
+        run(&config(twice.path()));
+        assert_eq!(contents(twice.path()), whole);
+    }
+    for (part, of) in [(0, 2), (3, 2), (1, 4)] {
+        let refused = config(parts[0].path()).part(part, of);
+        assert!(
+            matches!(refused, Err(GenerateError::Config(_))),
+            "{part}/{of}"
+        );
+    }
+}
+
+#[test]
+fn parts_that_do_not_belong_together_are_refused() {
+    let part = |seed, from, to, shard_maps| {
+        let folder = TempDir::new().unwrap();
+        run(&GenerateConfig {
+            seed,
+            from,
+            to,
+            shard_maps,
+            ..config(folder.path())
+        });
+        folder
+    };
+    let out = TempDir::new().unwrap();
+    let out = out.path().join("out");
+    let with = |others: &[&TempDir]| {
+        let folders: Vec<_> = others.iter().map(|t| t.path().to_owned()).collect();
+        merge(&folders, &out).unwrap_err()
+    };
+    let first = part(11, 0, 2, 2);
+    assert!(matches!(with(&[]), MergeError::Nothing));
+    let alien = part(12, 2, 4, 2);
+    assert!(matches!(
+        with(&[&first, &alien]),
+        MergeError::OtherSet { .. }
+    ));
+    let late = part(11, 4, 6, 2);
+    let gap = with(&[&late, &first]);
+    assert!(
+        matches!(gap, MergeError::Missing { from: 2, to: 4 }),
+        "{gap}"
+    );
+    // The last shard of a shorter set holds fewer maps.
+    let short = part(11, 0, 1, 2);
+    assert!(matches!(
+        with(&[&first, &short]),
+        MergeError::Overlap { .. }
+    ));
+    fs::write(late.path().join("shard-00002.jsonl.gz"), b"no shard").unwrap();
+    let damaged = with(&[&part(11, 0, 4, 2), &late]);
+    assert!(matches!(damaged, MergeError::Damaged { .. }), "{damaged}");
+    let nowhere = merge(&[out.join("nowhere")], &out).unwrap_err();
+    assert!(matches!(nowhere, MergeError::Manifest(_)), "{nowhere}");
+    assert!(
+        !out.join(MANIFEST).exists(),
+        "no manifest of what is not whole"
+    );
 }
 
 #[test]

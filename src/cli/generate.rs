@@ -1,11 +1,13 @@
-//! `nngtl dataset generate`.
+//! `nngtl dataset generate` and `nngtl dataset merge`.
+
+use std::path::Path;
 
 use serde_json::json;
 
-use super::args::GenerateArgs;
+use super::args::{GenerateArgs, MergeArgs};
 use super::console::Console;
 use super::failure::{Failure, JSON_VERSION};
-use crate::dataset::{GenerateConfig, GenerateError, MANIFEST, Manifest, Outcome, generate};
+use crate::dataset::{GenerateConfig, GenerateError, MANIFEST, Manifest, Outcome, generate, merge};
 
 pub(super) fn run(args: &GenerateArgs, console: &Console) -> Result<(), Failure> {
     let usual = GenerateConfig::new(&args.out, args.seed, args.missions);
@@ -17,6 +19,10 @@ pub(super) fn run(args: &GenerateArgs, console: &Console) -> Result<(), Failure>
             args.families.clone()
         },
         ..usual
+    };
+    let config = match args.part {
+        Some((part, of)) => config.part(part, of).map_err(|e| failure(&e))?,
+        None => config,
     };
     let stop = super::interrupt::stop_on_interrupt();
     let bar = console.progress(config.to - config.from, "maps");
@@ -32,20 +38,8 @@ pub(super) fn run(args: &GenerateArgs, console: &Console) -> Result<(), Failure>
     let outcome = outcome.map_err(|e| failure(&e))?;
     let complete = matches!(outcome, Outcome::Complete(_));
     let manifest = outcome.manifest();
-    let text = if console.json() {
-        let object = json!({
-            "version": JSON_VERSION,
-            "outcome": if complete { "generated" } else { "interrupted" },
-            "manifest": args.out.join(MANIFEST),
-            "maps": manifest.maps,
-            "missions": manifest.missions,
-            "filtered": manifest.filtered,
-        });
-        format!("{object}\n")
-    } else {
-        describe(manifest, &args.out.display().to_string())
-    };
-    console.result(&text)?;
+    let outcome = if complete { "generated" } else { "interrupted" };
+    tell(console, outcome, manifest, &args.out)?;
     if complete {
         return Ok(());
     }
@@ -55,6 +49,28 @@ pub(super) fn run(args: &GenerateArgs, console: &Console) -> Result<(), Failure>
         "interrupted; the same command continues from here",
     )
     .already_told())
+}
+
+pub(super) fn merge_parts(args: &MergeArgs, console: &Console) -> Result<(), Failure> {
+    let manifest = merge(&args.parts, &args.out).map_err(|e| Failure::input(e.to_string()))?;
+    tell(console, "merged", &manifest, &args.out)
+}
+
+fn tell(console: &Console, outcome: &str, manifest: &Manifest, out: &Path) -> Result<(), Failure> {
+    let text = if console.json() {
+        let object = json!({
+            "version": JSON_VERSION,
+            "outcome": outcome,
+            "manifest": out.join(MANIFEST),
+            "maps": manifest.maps,
+            "missions": manifest.missions,
+            "filtered": manifest.filtered,
+        });
+        format!("{object}\n")
+    } else {
+        describe(manifest, &out.display().to_string())
+    };
+    Ok(console.result(&text)?)
 }
 
 fn describe(manifest: &Manifest, folder: &str) -> String {

@@ -85,6 +85,7 @@ fn run(command: &Command, console: &Console) -> Result<(), Failure> {
             None => bench::run(args, console),
         },
         Command::Dataset(DatasetCommand::Generate(args)) => generate::run(args, console),
+        Command::Dataset(DatasetCommand::Merge(args)) => generate::merge_parts(args, console),
     }
 }
 

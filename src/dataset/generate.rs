@@ -77,6 +77,23 @@ impl GenerateConfig {
         }
     }
 
+    /// The settings for part `part` of `of`, counted from 1: about as many whole shards as each other one.
+    ///
+    /// # Errors
+    /// A part that is none, or more parts than shards.
+    pub fn part(self, part: u64, of: u64) -> Result<Self, GenerateError> {
+        let shards = (self.to - self.from).div_ceil(self.shard_maps.max(1));
+        if part == 0 || part > of || of > shards {
+            return Err(GenerateError::Config(format!(
+                "part {part} of {of}: parts count from 1, and there are {shards} shards of {} maps to share out",
+                self.shard_maps
+            )));
+        }
+        let begin = |k: u64| self.from + k * shards / of * self.shard_maps;
+        let (from, to) = (begin(part - 1), begin(part).min(self.to));
+        Ok(Self { from, to, ..self })
+    }
+
     fn check(&self) -> Result<(), GenerateError> {
         let bad = |what: &str| Err(GenerateError::Config(what.to_owned()));
         if self.shard_maps == 0 || self.missions_per_map == 0 {
@@ -290,7 +307,7 @@ fn kept_shards(config: &GenerateConfig) -> Result<Vec<ShardEntry>, GenerateError
     Ok(found.shards.into_iter().filter(sound).collect())
 }
 
-fn add_shard(manifest: &mut Manifest, shard: ShardEntry) {
+pub(super) fn add_shard(manifest: &mut Manifest, shard: ShardEntry) {
     manifest.maps += shard.maps;
     manifest.missions += shard.missions;
     add_counts(&mut manifest.filtered, &shard.filtered);

@@ -8,6 +8,7 @@ mod blobs;
 mod generate;
 pub mod maps;
 mod mazes;
+mod merge;
 pub mod missions;
 mod read;
 mod record;
@@ -16,6 +17,7 @@ mod sample;
 mod shapes;
 
 pub use generate::{GenerateConfig, GenerateError, MANIFEST, Outcome, Progress, generate};
+pub use merge::{MergeError, merge};
 pub use read::{
     LabelledMission, ReadError, drawn_missions, missions as labelled_missions, read_manifest,
     read_shard,

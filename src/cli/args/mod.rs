@@ -396,6 +396,7 @@ fn family_weight(text: &str) -> Result<(Family, f64), String> {
 #[derive(Debug, Subcommand)]
 pub(super) enum DatasetCommand {
     Generate(GenerateArgs),
+    Merge(MergeArgs),
 }
 
 /// Generate random scenarios with expert plans
@@ -419,9 +420,37 @@ pub(super) struct GenerateArgs {
     /// [default: paper=0.55,clutter=0.25,rooms=0.2]
     #[arg(long, value_delimiter = ',', value_parser = family_weight, value_name = "NAME=WEIGHT,…")]
     pub(super) families: Vec<(Family, f64)>,
+    /// Make one part of several alone, counted from 1, each in a folder of its own (a cluster's job array);
+    /// `nngtl dataset merge` puts them together
+    #[arg(long, value_name = "K/N", value_parser = part_of)]
+    pub(super) part: Option<(u64, u64)>,
     /// Threads to use, 0 for one per core
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) threads: usize,
+}
+
+/// Put parts of a data set together
+///
+/// Copies the shards of all parts into one folder, with one manifest: the same files as if the set had been
+/// made in one place.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Example:\n  nngtl dataset generate --missions 100000 --part 1/8 --out part-1   # … to 8/8\n  nngtl dataset merge part-* --out data"
+)]
+pub(super) struct MergeArgs {
+    /// The folders of the parts
+    #[arg(value_name = "PARTS", required = true)]
+    pub(super) parts: Vec<PathBuf>,
+    /// The folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub(super) out: PathBuf,
+}
+
+fn part_of(text: &str) -> Result<(u64, u64), String> {
+    let numbers = text.split_once('/');
+    numbers
+        .and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)))
+        .ok_or_else(|| "expected a part and how many there are, as in 3/8".to_owned())
 }
 
 /// How guided sampling goes beyond the paper; 0 is the paper's rule.

@@ -230,19 +230,39 @@ mod tests {
         assert_eq!(Summary::of(&[]), None);
     }
 
+    /// Quartiles in order, each with its share of the values on both sides.
+    fn splits(values: &[f64]) {
+        let s = Summary::of(values).unwrap();
+        let line = [s.min, s.quarter, s.median, s.three_quarters, s.p95, s.max];
+        assert!(line.windows(2).all(|w| w[0] <= w[1]), "{line:?}");
+        assert!(s.min <= s.mean + 1e-9 && s.mean <= s.max + 1e-9);
+        for (q, at) in [(0.25, s.quarter), (0.5, s.median), (0.75, s.three_quarters)] {
+            let below = values.iter().filter(|v| **v < at).count() as f64;
+            let above = values.iter().filter(|v| **v > at).count() as f64;
+            let steps = (values.len() - 1) as f64;
+            assert!(below <= q * steps + 1.0 && above <= (1.0 - q) * steps + 1.0);
+        }
+    }
+
+    #[test]
+    fn quartiles_between_many_equal_values_and_a_few_others() {
+        let mut values = [0.0; 18];
+        for (k, v) in [
+            (10, 785.4),
+            (11, 524.9),
+            (12, 31.3),
+            (15, 558.9),
+            (16, 616.3),
+        ] {
+            values[k] = v;
+        }
+        splits(&values);
+    }
+
     proptest::proptest! {
         #[test]
         fn quartiles_are_ordered_and_split_the_set(values in proptest::collection::vec(-1e3..1e3_f64, 1..60)) {
-            let s = Summary::of(&values).unwrap();
-            let line = [s.min, s.quarter, s.median, s.three_quarters, s.p95, s.max];
-            proptest::prop_assert!(line.windows(2).all(|w| w[0] <= w[1]));
-            proptest::prop_assert!(s.min <= s.mean + 1e-9 && s.mean <= s.max + 1e-9);
-            for (q, at) in [(0.25, s.quarter), (0.5, s.median), (0.75, s.three_quarters)] {
-                let below = values.iter().filter(|v| **v < at).count() as f64;
-                let above = values.iter().filter(|v| **v > at).count() as f64;
-                let steps = (values.len() - 1) as f64;
-                proptest::prop_assert!(below <= q * steps + 1.0 && above <= (1.0 - q) * steps + 1.0);
-            }
+            splits(&values);
         }
 
         #[test]

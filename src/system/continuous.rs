@@ -43,7 +43,7 @@ pub enum StartError {
 /// needs a triangulation of its own.
 const MAX_CORNERS: usize = 20_000;
 
-/// So many sets of forbidden regions are prepared at most.
+/// Ways around so many sets of forbidden regions are kept at most.
 const MAX_SETS: usize = 64;
 
 /// A workspace with a start: which parts of the map can be reached, and how.
@@ -159,8 +159,9 @@ impl Continuous {
         if let Some(known) = around.get(through) {
             return known.clone();
         }
+        // What is forgotten is found again when it is needed, with the same answers, whoever asked before.
         if around.len() >= MAX_SETS {
-            return None;
+            around.clear();
         }
         let ways = self.without(through).map(Arc::new);
         around.insert(through.clone(), ways.clone());

@@ -14,7 +14,7 @@ use nngtl::automaton::{Limits, Task};
 use nngtl::bench::{Case, Contender, Mark, Prediction, Strategy, converge};
 use nngtl::dataset::maps::{Family, draw_map, draw_start};
 use nngtl::dataset::missions::draw_pattern;
-use nngtl::mission::predict_with;
+use nngtl::mission::{Question, predict_with};
 use nngtl::nn::{DeviceChoice, Predictor};
 use nngtl::planner::{Problem, Settings, Stop};
 use nngtl::random::generator;
@@ -29,8 +29,15 @@ fn case(seed: u64, networks: Option<&mut Predictor>) -> Option<Case> {
     let (pattern, formula) = draw_pattern(map.regions().len(), &mut random);
     let letters = Arc::clone(map.alphabet());
     let task = Task::from_formula(&formula, letters, &Limits::default()).ok()?;
-    let guidance = networks.and_then(|n| predict_with(n, &map, start, &task).ok());
-    let system = Continuous::new(Arc::new(map), start).ok()?;
+    let map = Arc::new(map);
+    let system = Continuous::new(Arc::clone(&map), start).ok()?;
+    let question = Question {
+        map: &map,
+        system: &system,
+        start: system.start(),
+        task: &task,
+    };
+    let guidance = networks.and_then(|n| predict_with(n, question).ok());
     Some(Case {
         name: format!("{seed}-{family}-{pattern}"),
         family: Some(family.name().to_owned()),

@@ -42,13 +42,14 @@ fn first_plan(problem: &Problem, sampler: &Sampler, seed: u64) -> Solution {
 }
 
 fn guided(predictor: &mut Predictor, scenario: &Scenario, problem: &Problem) -> Sampler {
-    let prediction = mission::predict_with(
-        predictor,
-        &scenario.workspace,
-        scenario.start,
-        &problem.task,
-    )
-    .expect("the networks fit the mission");
+    let question = Question {
+        map: &scenario.workspace,
+        system: &*problem.system,
+        start: problem.start,
+        task: &problem.task,
+    };
+    let prediction =
+        mission::predict_with(predictor, question).expect("the networks fit the mission");
     let states = problem.task.nba.len();
     let guide = Guide::new(&prediction.guidance, states).expect("one probability per state");
     Sampler::Guided(Arc::new(guide))

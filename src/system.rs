@@ -5,6 +5,7 @@
 
 mod continuous;
 mod grid;
+mod ways;
 
 use std::sync::Arc;
 
@@ -16,6 +17,7 @@ use crate::workspace::{Bounds, Workspace};
 
 pub use continuous::{Continuous, StartError};
 pub use grid::{Grid, GridError, MAX_CELLS};
+pub use ways::Ways;
 
 /// A place where the robot can be, with what it sees there.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -117,6 +117,7 @@ fn guidance_is_that_of_the_cpu_and_survives_the_loss_of_the_device() {
         obstacles: vec![],
         regions: vec![&region],
         start: Point2::new(0.1, 0.1),
+        ways: Vec::new(),
     };
     // A small automaton, then a large one, then the small one again: buffers grow and stay.
     for count in [2u32, 300, 2] {

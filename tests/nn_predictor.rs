@@ -60,6 +60,7 @@ impl Mission {
             obstacles: vec![&self.obstacle],
             regions: self.outlines.iter().map(Vec::as_slice).collect(),
             start: Point2::new(0.05, 0.05),
+            ways: Vec::new(),
         }
     }
 }
@@ -191,6 +192,7 @@ fn more_regions_than_trained_for_are_told() {
         obstacles: Vec::new(),
         regions: outlines.iter().map(Vec::as_slice).collect(),
         start: Point2::origin(),
+        ways: Vec::new(),
     };
     let error = one.predict(&map, &graph).unwrap_err();
     assert_eq!(

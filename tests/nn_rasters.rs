@@ -40,6 +40,7 @@ fn every_raster_agrees_with_training() {
             obstacles: obstacles.iter().map(Vec::as_slice).collect(),
             regions: regions.iter().map(Vec::as_slice).collect(),
             start: point(golden.start),
+            ways: Vec::new(),
         };
         let tensor = MapTensor::new(&map, side);
         let mut expected = vec![0.0; golden.channels.len() * side * side];

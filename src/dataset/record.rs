@@ -86,6 +86,10 @@ pub struct MapRecord {
     pub obstacles: Vec<Vec<Pair>>,
     /// The regions' vertices; region `k` is called `l<k+1>`.
     pub regions: Vec<Vec<Pair>>,
+    /// Lengths of shortest ways from each region to those before it, and then the radius of a disc of its own area; see
+    /// [`Ways`](crate::system::Ways).
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ways: Vec<Vec<f64>>,
     /// The missions on this map.
     pub missions: Vec<MissionRecord>,
 }
@@ -95,6 +99,9 @@ pub struct MapRecord {
 pub struct MissionRecord {
     /// Where the robot starts.
     pub start: Pair,
+    /// Lengths of shortest ways from the start to each region of the map.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ways: Vec<f64>,
     /// The task, in the syntax of [`crate::ltl`].
     pub formula: String,
     /// The kind of formula.
@@ -192,6 +199,7 @@ impl MapRecord {
             bounds: [bounds.min, bounds.max].map(pair),
             obstacles: map.obstacles.iter().map(vertices).collect(),
             regions: map.regions.iter().map(vertices).collect(),
+            ways: Vec::new(),
             missions: Vec::new(),
         }
     }
@@ -239,6 +247,12 @@ pub fn pair(p: Point2<f64>) -> Pair {
 #[must_use]
 pub fn point([x, y]: Pair) -> Point2<f64> {
     Point2::new(x, y)
+}
+
+/// Lengths to a ten-thousandth, as coordinates are.
+pub(super) fn rounded(lengths: &[f64]) -> Vec<f64> {
+    let round = |x: &f64| (x * 1e4).round() / 1e4;
+    lengths.iter().map(round).collect()
 }
 
 /// Rounds a number that no one needs more exactly.

@@ -1,5 +1,6 @@
 //! One map with its missions: drawn, planned by the expert, filtered.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use nalgebra::Point2;
@@ -7,13 +8,16 @@ use nalgebra::Point2;
 use super::GenerateConfig;
 use super::maps::{Family, draw_map, draw_start, round};
 use super::missions::{Pattern, draw_pattern, draw_tree};
-use super::record::{AutomatonRecord, Counts, MapRecord, MissionRecord, pair, to_millionth};
+use super::record::{
+    AutomatonRecord, Counts, MapRecord, MissionRecord, pair, rounded, to_millionth,
+};
 use crate::automaton::{Limits, Task, TaskError};
 use crate::encoding::region_order;
 use crate::exact::{ExactConfig, ExactPlan, Infeasible, Roadmap};
 use crate::ltl::Formula;
 use crate::plan::{Path, Waypoint, length};
 use crate::random::{Random, chance, generator, weighted};
+use crate::system::{Continuous, Ways};
 use crate::verify::verify;
 use crate::workspace::Workspace;
 
@@ -43,7 +47,7 @@ pub(super) fn draw_sample(
         }
         let map = draw_map(family, &mut random);
         let mut record = MapRecord::new(index, &map);
-        let Ok(workspace) = map.workspace() else {
+        let Ok(workspace) = map.workspace().map(Arc::new) else {
             drop_for(&mut filtered, "unsound map");
             continue;
         };
@@ -59,8 +63,22 @@ pub(super) fn draw_sample(
             drop_for(&mut filtered, "map with unreachable regions");
             continue;
         }
+        let Ok(system) = Continuous::new(Arc::clone(&workspace), start) else {
+            drop_for(&mut filtered, "unsound map");
+            continue;
+        };
+        let regions: Vec<Option<usize>> = (0..map.regions.len()).map(Some).collect();
+        let ways = Ways::new(&system, start, &regions);
+        if (0..regions.len()).any(|k| ways.from(k).iter().any(|l| !l.is_finite())) {
+            drop_for(&mut filtered, "map with unreachable regions");
+            continue;
+        }
+        record.ways = (0..regions.len())
+            .map(|k| rounded(&ways.from(k)[..=k]))
+            .collect();
         let draw = Draw {
             config,
+            system: &system,
             workspace: &workspace,
             roadmap: &roadmap,
         };
@@ -93,6 +111,7 @@ fn drop_for(filtered: &mut Counts, reason: &'static str) {
 /// What the missions of one map share.
 struct Draw<'a> {
     config: &'a GenerateConfig,
+    system: &'a Continuous,
     workspace: &'a Workspace,
     roadmap: &'a Roadmap<'a>,
 }
@@ -132,8 +151,14 @@ impl Draw<'_> {
         let checked = verify(self.workspace, start, &formula, &path, weight, None);
         let cost = checked.map_err(|_| "refused by the checker")?.cost.total;
         let points = |part: &[Waypoint]| part.iter().map(|w| pair(w.at)).collect();
+        let regions: Vec<Option<usize>> = (0..regions).map(Some).collect();
+        let ways = Ways::from_start(self.system, start, &regions);
+        if ways.iter().any(|l| !l.is_finite()) {
+            return Err("start apart from regions");
+        }
         Ok(MissionRecord {
             start: pair(start),
+            ways: rounded(&ways),
             formula: text,
             pattern,
             automaton: AutomatonRecord::new(&task, &order).map_err(|_| "region without letters")?,

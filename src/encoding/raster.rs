@@ -19,7 +19,13 @@ pub struct MapInput<'a> {
     pub regions: Vec<&'a [Point2<f64>]>,
     /// Where the robot starts.
     pub start: Point2<f64>,
+    /// Lengths of ways in map units, row by row: between the regions, and the start, which is last; empty where no network
+    /// reads them. (`docs/networks.md`, Ways.)
+    pub ways: Vec<f64>,
 }
+
+/// Ways count as at most so many sides of the frame; where none leads, too.
+const FARTHEST: f64 = 4.0;
 
 /// The map raster: shape (1 + regions, resolution, resolution), axes (channel, x, y), row-major.
 ///
@@ -33,6 +39,8 @@ pub struct MapTensor {
     pub regions: usize,
     /// `(1 + regions) · resolution²` values.
     pub values: Vec<f32>,
+    /// `(regions + 1)²` lengths in sides of the frame, the start last; none where they are not known.
+    pub ways: Vec<f32>,
 }
 
 impl MapTensor {
@@ -48,13 +56,21 @@ impl MapTensor {
         tensor
     }
 
-    /// As [`Self::new`], into the memory of another raster.
+    /// As [`Self::new`], into the memory of another raster. With a resolution of 0 nothing is drawn.
     pub fn fill(&mut self, map: &MapInput<'_>, resolution: usize) {
         let cells = resolution * resolution;
-        let frame = Frame::new(map.bounds, resolution);
         self.resolution = resolution;
         self.regions = map.regions.len();
         self.values.clear();
+        let [low, high] = map.bounds;
+        let side = (high - low).max();
+        let in_sides = |&length: &f64| (length / side).min(FARTHEST) as f32;
+        self.ways.clear();
+        self.ways.extend(map.ways.iter().map(in_sides));
+        if resolution == 0 {
+            return;
+        }
+        let frame = Frame::new(map.bounds, resolution);
         self.values.resize((1 + map.regions.len()) * cells, 0.0);
         let mut filler = Filler::new(resolution);
         let (status, regions) = self.values.split_at_mut(cells);
@@ -259,6 +275,7 @@ mod tests {
             obstacles: vec![&outline],
             regions: Vec::new(),
             start: Point2::origin(),
+            ways: Vec::new(),
         };
         MapTensor::new(&map, resolution)
     }
@@ -335,6 +352,7 @@ mod tests {
             obstacles: Vec::new(),
             regions: vec![&a, &b],
             start: Point2::new(1.5, 0.5),
+            ways: Vec::new(),
         };
         let t = MapTensor::new(&map, 2);
         assert_eq!(

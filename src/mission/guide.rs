@@ -3,15 +3,14 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use nalgebra::Point2;
-
 use super::{Chosen, MissionError, Options, SamplerChoice};
 use crate::automaton::Task;
 use crate::encoding::{AutomatonGraph, Encoding, MapInput};
 use crate::guidance::Guidance;
 use crate::nn::{LoadError, PredictError, Predictor};
-use crate::planner::{Guide, Sampler, Settings};
+use crate::planner::{Guide, Problem, Sampler, Settings};
 use crate::scenario::Scenario;
+use crate::system::{Spot, TransitionSystem, Ways};
 use crate::workspace::{Polygon, Workspace};
 
 /// What the networks said about a mission.
@@ -31,9 +30,23 @@ pub struct Prediction {
     pub notice: Option<String>,
 }
 
+/// What the networks are asked about: where the robot is to do what.
+#[derive(Clone, Copy)]
+pub struct Question<'a> {
+    /// The map.
+    pub map: &'a Workspace,
+    /// The world that the robot moves in on that map: lengths of ways are taken from it.
+    pub system: &'a dyn TransitionSystem,
+    /// Where it starts.
+    pub start: Spot,
+    /// What it is to do.
+    pub task: &'a Task,
+}
+
 /// Runs the networks on a mission.
 ///
 /// # Errors
+/// As [`world`](super::world), and
 /// [`MissionError::Load`] for weights that cannot be loaded, [`MissionError::Predict`] for a
 /// mission that they do not fit.
 pub fn predict(
@@ -41,11 +54,29 @@ pub fn predict(
     task: &Task,
     options: &Options,
 ) -> Result<Prediction, MissionError> {
+    let (system, start) = super::world(scenario)?;
+    predict_in(scenario, &*system, start, task, options)
+}
+
+/// As [`predict`], in a world that is at hand already.
+pub(super) fn predict_in(
+    scenario: &Scenario,
+    system: &dyn TransitionSystem,
+    start: Spot,
+    task: &Task,
+    options: &Options,
+) -> Result<Prediction, MissionError> {
     let mut predictor = match &options.model {
         Some(folder) => Predictor::load(folder, options.device)?,
         None => Predictor::embedded(options.device)?,
     };
-    predict_with(&mut predictor, &scenario.workspace, scenario.start, task)
+    let question = Question {
+        map: &scenario.workspace,
+        system,
+        start,
+        task,
+    };
+    predict_with(&mut predictor, question)
 }
 
 /// As [`predict`], with networks that are loaded already.
@@ -54,31 +85,32 @@ pub fn predict(
 /// [`MissionError::Predict`] for a mission that they do not fit.
 pub fn predict_with(
     predictor: &mut Predictor,
-    map: &Workspace,
-    start: Point2<f64>,
-    task: &Task,
+    question: Question<'_>,
 ) -> Result<Prediction, MissionError> {
-    let mut found = predict_many(predictor, &[(map, start, task)]);
+    let mut found = predict_many(predictor, &[question]);
     found.pop().unwrap_or_else(|| {
         let reason = PredictError::Inconsistent("there is no mission");
         Err(reason.into())
     })
 }
 
-/// As [`predict_with`], for many missions at once: maps, starts and tasks. What the user should
+/// As [`predict_with`], for many missions at once. What the user should
 /// know of the device is told with the first.
 pub fn predict_many(
     predictor: &mut Predictor,
-    missions: &[(&Workspace, Point2<f64>, &Task)],
+    missions: &[Question<'_>],
 ) -> Vec<Result<Prediction, MissionError>> {
     let [path, state] = predictor.encodings();
+    let [path_ways, state_ways] = predictor.read_ways();
     let encoded: Vec<_> = missions
         .iter()
-        .map(|&(map, start, task)| {
+        .map(|question| {
             let begin = Instant::now();
-            let first = encode(map, start, task, path)?;
-            let second = (path != state)
-                .then(|| encode(map, start, task, state))
+            // Networks that read the same see the same.
+            let shared = path == state;
+            let first = encode(question, path, path_ways || shared && state_ways)?;
+            let second = (!shared)
+                .then(|| encode(question, state, state_ways))
                 .transpose()?;
             Ok((first, second, begin.elapsed()))
         })
@@ -115,11 +147,16 @@ pub fn predict_many(
 
 /// Map and automaton as networks of this encoding see them.
 fn encode<'a>(
-    map: &'a Workspace,
-    start: Point2<f64>,
-    task: &Task,
+    question: &Question<'a>,
     encoding: Encoding,
+    ways: bool,
 ) -> Result<(MapInput<'a>, AutomatonGraph), PredictError> {
+    let &Question {
+        map,
+        system,
+        start,
+        task,
+    } = question;
     let (graph, names) = match encoding {
         Encoding::Own => {
             let (graph, names) = AutomatonGraph::of_task(task).map_err(|_| {
@@ -137,11 +174,17 @@ fn encode<'a>(
         // An outline without corners marks no cell.
         region.map_or(&[][..], |r| r.polygon.vertices())
     };
+    let number = |name: &Option<String>| system.alphabet().proposition(name.as_ref()?);
+    let ways = ways.then(|| {
+        let regions: Vec<Option<usize>> = names.iter().map(number).collect();
+        Ways::new(system, start.at, &regions).into_lengths()
+    });
     let input = MapInput {
         bounds: [map.bounds().min, map.bounds().max],
         obstacles: map.obstacles().iter().map(Polygon::vertices).collect(),
         regions: names.iter().map(outline).collect(),
-        start,
+        start: start.at,
+        ways: ways.unwrap_or_default(),
     };
     Ok((input, graph))
 }
@@ -150,7 +193,7 @@ fn encode<'a>(
 /// guiding is told once, and the search goes by the same rules without predictions.
 pub(super) fn choose(
     scenario: &Scenario,
-    task: &Arc<Task>,
+    problem: &Problem,
     options: &Options,
 ) -> Result<Chosen, MissionError> {
     let plain = |sampler| Chosen {
@@ -165,7 +208,7 @@ pub(super) fn choose(
         SamplerChoice::Auto if is_short(&options.settings) => return Ok(plain(Sampler::Directed)),
         SamplerChoice::Auto | SamplerChoice::Guided => {}
     }
-    match guided(scenario, task, options) {
+    match guided(scenario, problem, options) {
         Ok(chosen) => Ok(chosen),
         Err(e) if options.sampler == SamplerChoice::Auto && is_no_guidance(&e, options) => {
             let mut chosen = plain(Sampler::Directed);
@@ -198,10 +241,11 @@ fn is_no_guidance(e: &MissionError, options: &Options) -> bool {
 
 fn guided(
     scenario: &Scenario,
-    task: &Arc<Task>,
+    problem: &Problem,
     options: &Options,
 ) -> Result<Chosen, MissionError> {
-    let mut prediction = predict(scenario, task, options)?;
+    let (system, task) = (&*problem.system, &*problem.task);
+    let mut prediction = predict_in(scenario, system, problem.start, task, options)?;
     let guide = Guide::new(&prediction.guidance, task.nba.len())
         .map_err(|_| PredictError::Inconsistent("the prediction does not fit the automaton"))?;
     Ok(Chosen {

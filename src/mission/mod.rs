@@ -42,7 +42,7 @@ use crate::system::{Continuous, Grid, GridError, Spot, StartError, TransitionSys
 use crate::verify::{self, Refusal, Verified};
 
 pub use explain::{LetterFact, NotOnThisMap, OutOfReach, Unreachable, Walls};
-pub use guide::{Prediction, predict, predict_many, predict_with};
+pub use guide::{Prediction, Question, predict, predict_many, predict_with};
 pub use transfer::{Change, build_library, replan_task, transfer_task};
 
 /// Which strategy plans a mission.
@@ -199,7 +199,7 @@ pub fn plan_task(
     }
     let problem = problem(scenario, Arc::clone(&task))?;
     check_reachable(scenario, &task, &*problem.system)?;
-    let chosen = guide::choose(scenario, &task, options)?;
+    let chosen = guide::choose(scenario, &problem, options)?;
     let searched = Instant::now();
     let solution = planner::plan(&problem, &chosen.sampler, &options.settings, stop, observe)?;
     let search = searched.elapsed().as_secs_f64();

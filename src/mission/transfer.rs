@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::{
     Chosen, MissionError, Options, Planned, SamplerChoice, check, check_reachable, file, first,
-    guide, predict, problem, stats,
+    guide, problem, stats,
 };
 use crate::automaton::Task;
 use crate::plan::{Cost, Path, PlanStats, StageSeconds};
@@ -32,14 +32,15 @@ pub fn build_library(
     stop: &Stop,
     observe: &mut dyn FnMut(BuildProgress),
 ) -> Result<Built, MissionError> {
+    let problem = problem(scenario, Arc::new(task.clone()))?;
+    let (system, start) = (&*problem.system, problem.start);
     let sampler = match options.sampler {
         SamplerChoice::Guided => {
-            BuildSampler::Guided(predict(scenario, task, options)?.guidance.heatmap)
+            let prediction = guide::predict_in(scenario, system, start, task, options)?;
+            BuildSampler::Guided(prediction.guidance.heatmap)
         }
         _ => BuildSampler::Uniform,
     };
-    let problem = problem(scenario, Arc::new(task.clone()))?;
-    let (system, start) = (&*problem.system, problem.start);
     Ok(transfer::build(
         system, start, task, &sampler, settings, stop, observe,
     )?)
@@ -68,7 +69,7 @@ pub fn transfer_task(
             prediction: None,
             notices: Vec::new(),
         },
-        _ => guide::choose(scenario, &task, options)?,
+        _ => guide::choose(scenario, &problem, options)?,
     };
     let searched = Instant::now();
     let found = transfer::transfer(

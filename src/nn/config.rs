@@ -100,7 +100,7 @@ fn one() -> f32 {
 pub struct UNet {
     /// Widths by level.
     pub widths: Vec<usize>,
-    /// Stride of the first block: 1 or 2.
+    /// Stride of the first block: 1, 2 or 4.
     pub stem: usize,
     /// How many residual blocks stand at the bottleneck.
     pub middle: usize,
@@ -165,6 +165,19 @@ pub struct StateLookup {
     pub head: usize,
 }
 
+/// Our StateNet that knows how far the regions are from each other and does not see the map otherwise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StateWays {
+    /// Region channels.
+    pub labels: usize,
+    /// Widths of the graph layers.
+    pub graph: Vec<usize>,
+    /// Whether edges lead backwards too.
+    pub reverse: bool,
+    /// Width of the head.
+    pub head: usize,
+}
+
 /// The configuration of a network.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Config {
@@ -176,6 +189,8 @@ pub enum Config {
     StatePaper(StatePaper),
     /// `statenet`, `lookup`.
     StateLookup(StateLookup),
+    /// `statenet`, `ways`.
+    StateWays(StateWays),
 }
 
 /// What a network predicts.
@@ -215,8 +230,9 @@ impl Config {
             ("pathnet", "paint") => read(value).map(Self::PathPaint),
             ("statenet", "paper") => read(value).map(Self::StatePaper),
             ("statenet", "lookup") => read(value).map(Self::StateLookup),
+            ("statenet", "ways") => read(value).map(Self::StateWays),
             (kind, variant) => Err(bad(format!(
-                "kind `{kind}` and variant `{variant}` are unknown, expected pathnet (paper, paint) or statenet (paper, lookup)"
+                "kind `{kind}` and variant `{variant}` are unknown, expected pathnet (paper, paint) or statenet (paper, lookup, ways)"
             ))),
         };
         match parsed {
@@ -240,7 +256,7 @@ impl Config {
     pub fn kind(&self) -> Kind {
         match self {
             Self::PathPaper(_) | Self::PathPaint(_) => Kind::PathNet,
-            Self::StatePaper(_) | Self::StateLookup(_) => Kind::StateNet,
+            Self::StatePaper(_) | Self::StateLookup(_) | Self::StateWays(_) => Kind::StateNet,
         }
     }
 
@@ -251,6 +267,7 @@ impl Config {
             Self::PathPaper(_) | Self::StatePaper(_) => "paper",
             Self::PathPaint(_) => "paint",
             Self::StateLookup(_) => "lookup",
+            Self::StateWays(_) => "ways",
         }
     }
 
@@ -262,10 +279,11 @@ impl Config {
             Self::PathPaint(c) => c.labels,
             Self::StatePaper(c) => c.labels,
             Self::StateLookup(c) => c.labels,
+            Self::StateWays(c) => c.labels,
         }
     }
 
-    /// Cells per side of the raster that the network reads.
+    /// Cells per side of the raster that the network reads; 0 if it reads none.
     #[must_use]
     pub fn resolution(&self) -> usize {
         match self {
@@ -273,7 +291,14 @@ impl Config {
             Self::PathPaint(c) => c.resolution,
             Self::StatePaper(c) => c.resolution,
             Self::StateLookup(c) => c.resolution,
+            Self::StateWays(_) => 0,
         }
+    }
+
+    /// Whether the network reads the lengths of ways between regions.
+    #[must_use]
+    pub fn reads_ways(&self) -> bool {
+        matches!(self, Self::StateWays(_))
     }
 
     /// The exponent that sharpens the heatmap; 1 for most.
@@ -288,7 +313,9 @@ impl Config {
     fn check(&self) -> Vec<Fault> {
         let mut c = Checks(Vec::new());
         c.number("labels", self.labels(), 1..=MAX_PROPOSITIONS);
-        c.number("resolution", self.resolution(), 8..=1024);
+        if !self.reads_ways() {
+            c.number("resolution", self.resolution(), 8..=1024);
+        }
         match self {
             Self::PathPaper(p) => {
                 c.number("resolution", p.resolution, 32..=1024);
@@ -329,6 +356,10 @@ impl Config {
                     1..=256,
                 );
                 c.number("resolution", s.resolution, 32..=1024);
+            }
+            Self::StateWays(s) => {
+                c.number("head", s.head, 1..=MAX_WIDTH);
+                c.widths("graph", &s.graph, 1);
             }
             Self::StateLookup(s) => {
                 c.number("head", s.head, 1..=MAX_WIDTH);
@@ -399,7 +430,9 @@ impl Checks {
 
     fn unet(&mut self, unet: &UNet, resolution: usize) {
         self.widths("widths", &unet.widths, 2);
-        self.number("stem", unet.stem, 1..=2);
+        if ![1, 2, 4].contains(&unet.stem) {
+            self.fault("stem", unet.stem.to_string(), "1, 2 or 4");
+        }
         self.number("middle", unet.middle, 0..=MAX_LAYERS);
         if unet.sizes(resolution).last().is_none_or(|&side| side == 0) {
             self.fault(

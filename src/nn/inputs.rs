@@ -45,6 +45,7 @@ impl Inputs<'_> {
             Source::Literals => self.literals(&mut rows),
             Source::Planes => self.planes(&mut rows),
             Source::Masks => self.masks(&mut rows),
+            Source::Ways => self.ways(&mut rows),
             Source::Raster => rows.each(|i, row| self.channel(i, row)),
             Source::Regions => rows.each(|i, row| self.channel(i + 1, row)),
             Source::Obstacles => rows.each(|_, row| self.status(row, |s| s.max(0.0))),
@@ -84,6 +85,24 @@ impl Inputs<'_> {
                 *to = to.max(from);
             }
         }
+    }
+
+    /// The ways between regions, then those from and to the start; channels that no region has are 0.
+    fn ways(&self, rows: &mut Rows<'_>) {
+        let used = self.map.regions + 1;
+        let last = rows.at.rows.rows(rows.size) - 1;
+        rows.each(|i, row| {
+            row.fill(0.0);
+            let from = if i == last { used - 1 } else { i };
+            if i != last && i + 1 >= used {
+                return;
+            }
+            let Some(lengths) = self.map.ways.chunks_exact(used).nth(from) else {
+                return;
+            };
+            row[..used - 1].copy_from_slice(&lengths[..used - 1]);
+            row[last] = lengths[used - 1];
+        });
     }
 
     /// The region channels and the start, averaged over blocks of cells.

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use super::config::Config;
 use super::cpu::{Planes, PlanesMut, Scratch, Session, upsample};
 use super::device::{Backend, Estimate, Fallback};
 use super::inputs::Inputs;
@@ -96,6 +97,12 @@ impl Predictor {
             .map(|m| m.config.labels())
             .min()
             .unwrap_or(0)
+    }
+
+    /// Whether PathNet and StateNet read the lengths of ways between regions ([`MapInput::ways`]).
+    #[must_use]
+    pub fn read_ways(&self) -> [bool; 2] {
+        self.models.each_ref().map(|m| m.config.reads_ways())
     }
 
     /// How the inputs of PathNet and of StateNet are encoded.
@@ -234,12 +241,12 @@ impl Predictor {
         rasters: &'a mut [MapTensor; 2],
     ) -> Result<[Inputs<'a>; 2], PredictError> {
         for (model, (map, graph)) in self.models.iter().zip(mission) {
-            check(model.config.labels(), map, graph)?;
+            check(&model.config, map, graph)?;
         }
         let [(path_map, path_graph), (state_map, state_graph)] = *mission;
         let [path_side, state_side] = self.models.each_ref().map(|m| m.config.resolution());
         rasters[0].fill(path_map, path_side);
-        let shared = path_side == state_side && std::ptr::eq(path_map, state_map);
+        let shared = [path_side, 0].contains(&state_side) && std::ptr::eq(path_map, state_map);
         if !shared {
             rasters[1].fill(state_map, state_side);
         }
@@ -322,15 +329,23 @@ fn run_both(
     (outputs, begin.elapsed())
 }
 
-/// Whether a network with `labels` region channels can be asked about a mission.
-fn check(labels: usize, map: &MapInput<'_>, graph: &AutomatonGraph) -> Result<(), PredictError> {
-    let used = graph.regions;
+/// Whether a network can be asked about a mission.
+fn check(config: &Config, map: &MapInput<'_>, graph: &AutomatonGraph) -> Result<(), PredictError> {
+    let (labels, used) = (config.labels(), graph.regions);
+    let reads_ways = config.reads_ways();
     if used > labels {
         return Err(PredictError::TooManyRegions { used, labels });
     }
     if map.regions.len() != used {
         let reason = "the map has another number of regions than the automaton";
         return Err(PredictError::Inconsistent(reason));
+    }
+    if reads_ways && map.ways.len() != (used + 1) * (used + 1) {
+        let reason = "the lengths of ways are not those between the regions and the start";
+        return Err(PredictError::Inconsistent(reason));
+    }
+    if map.ways.iter().any(|length| length.is_nan()) {
+        return Err(PredictError::Inconsistent("a length is not a number"));
     }
     graph.check().map_err(PredictError::Inconsistent)?;
     let [low, high] = map.bounds;

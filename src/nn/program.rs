@@ -35,6 +35,8 @@ pub enum Source {
     Masks,
     /// Coordinates of the cells, and of them relative to the start: (5, h, h) (`lookup`, step 2).
     Planes,
+    /// Lengths of ways between regions and the start, which is last, (labels + 1, labels + 1).
+    Ways,
     /// Features of the state nodes, (states, 3).
     StateFeatures,
     /// Literals of the transition nodes, (transitions, labels).

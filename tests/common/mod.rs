@@ -95,6 +95,7 @@ fn model_golden(folder: &Path, name: String) -> ModelGolden {
         resolution: raster.shape[1],
         regions: raster.shape[0] - 1,
         values: raster.values.clone(),
+        ways: io.get("ways").map_or(Vec::new(), |w| w.values.clone()),
     };
     let ends = io["source"].values.iter().zip(&io["target"].values);
     let graph = AutomatonGraph {

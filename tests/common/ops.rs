@@ -29,11 +29,7 @@ impl Case {
     /// Runs the case and compares.
     pub(crate) fn check(&self, run: &mut dyn FnMut(&Program, &Inputs<'_>) -> Vec<f32>) {
         let given: Vec<&[f32]> = self.given.iter().map(Vec::as_slice).collect();
-        let map = MapTensor {
-            resolution: 0,
-            regions: 0,
-            values: Vec::new(),
-        };
+        let map = MapTensor::default();
         let inputs = Inputs {
             map: &map,
             graph: &self.graph,

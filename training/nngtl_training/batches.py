@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from torch.nn import functional as F
 
 from . import raster
 from .data import TARGET_SIDE
@@ -58,6 +59,11 @@ def blobs(points, free, spread):
     return out * free
 
 
+def lowered(heat, logits):
+    """A target (B, R, R) averaged down to the side of the logits, which divides R."""
+    return heat if heat.shape == logits.shape else F.avg_pool2d(heat, heat.shape[-1] // logits.shape[-1])
+
+
 def indices(count, size, seed, step):
     """The samples of a step: every epoch is a permutation of all of them."""
     first = step * size
@@ -70,11 +76,14 @@ def indices(count, size, seed, step):
     return out
 
 
-def make(missions, chosen, augment=NONE, rng=None, reach=False, heat=True, spread=None):
-    """The batch of the missions with these indices; ``reach``: see ``target_cells``; without ``heat`` it stays 0.
+def make(missions, chosen, augment=NONE, rng=None, reach=False, heat=True, spread=None, draw=True):
+    """The batch of the missions with these indices; ``reach``: see ``target_cells``; without ``heat`` it stays 0, without
+    ``draw`` there is no raster.
 
     With ``spread`` the target is not the path's cells but the places where the path bends or meets regions: see ``blobs``.
     """
+    if not draw:
+        return _undrawn(missions, chosen, augment, rng)
     side, labels = missions.resolution, missions.labels
     codes = np.zeros((len(chosen), side, side), dtype=missions.codes.dtype)
     targets = np.zeros((len(chosen), side, side), dtype=np.float32)
@@ -105,6 +114,17 @@ def make(missions, chosen, augment=NONE, rng=None, reach=False, heat=True, sprea
         torch.from_numpy(targets),
         torch.from_numpy(_gather(missions.visited, missions.states_at, chosen).astype(np.float32)),
     )
+
+
+def _undrawn(missions, chosen, augment, rng):
+    """A batch of automata with their ways alone."""
+    columns = np.tile(np.arange(missions.labels), (len(chosen), 1))
+    for b in range(len(chosen)):
+        if augment.permute and rng.random() < augment.permute:
+            columns[b] = rng.permutation(missions.labels)
+    none = torch.empty(len(chosen), 0)
+    visited = torch.from_numpy(_gather(missions.visited, missions.states_at, chosen).astype(np.float32))
+    return Batch(none, _graphs(missions, chosen, columns), none, visited)
 
 
 def raster_tensor(codes, begin, region):
@@ -172,6 +192,9 @@ def _graphs(missions, chosen, columns):
     edges = _gather(missions.edges, missions.edges_at, chosen) + offset[owner][:, None]
     literals = _gather(missions.literals, missions.edges_at, chosen)
     literals = np.take_along_axis(literals, columns[owner], axis=1)
+    # The start stays last.
+    places = np.concatenate([columns, np.full((len(chosen), 1), missions.labels)], axis=1)
+    ways = missions.ways[np.asarray(chosen)[:, None, None], places[:, :, None], places[:, None, :]]
     return Graphs(
         torch.from_numpy(_gather(missions.states, missions.states_at, chosen)),
         torch.from_numpy(literals.astype(np.float32)),
@@ -180,4 +203,5 @@ def _graphs(missions, chosen, columns):
         torch.from_numpy(np.repeat(np.arange(len(chosen)), sizes)),
         torch.from_numpy(owner),
         len(chosen),
+        torch.from_numpy(ways),
     )

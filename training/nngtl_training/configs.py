@@ -36,6 +36,15 @@ COMPACT_STATENET = {
     "head": 64,
 }
 
+WAYS_STATENET = {
+    "kind": "statenet",
+    "variant": "ways",
+    "labels": LABELS,
+    "graph": [64] * 8,
+    "reverse": True,
+    "head": 64,
+}
+
 PAPER_PATHNET = {
     "kind": "pathnet",
     "variant": "paper",

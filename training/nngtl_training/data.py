@@ -13,7 +13,13 @@ TARGET_SIDE = 200
 REACH = 0.04
 """Radius, in sides of the frame, of the part of a region around the expert's entry that counts as its place of arrival."""
 
-CACHE_VERSION = 3
+UNDRAWN = 8
+"""Cells per side of the maps of networks that do not look at them."""
+
+FARTHEST = 4.0
+"""Ways count as at most so many sides of the frame; where none leads, too."""
+
+CACHE_VERSION = 4
 
 
 @dataclass
@@ -46,6 +52,7 @@ class Missions:
     edges: np.ndarray  # (T, 2): source, target within the mission
     literals: np.ndarray  # (T, labels)
     edges_at: np.ndarray
+    ways: np.ndarray  # (N, labels + 1, labels + 1): lengths between channels and the start, in sides of the frame; NaN unknown
     family: np.ndarray  # (N): names
     pattern: np.ndarray
     skipped: dict = field(default_factory=dict)
@@ -53,17 +60,23 @@ class Missions:
     def __len__(self):
         return len(self.map)
 
+    def families(self):
+        """How many missions there are on each family of maps."""
+        return dict(zip(*(a.tolist() for a in np.unique(self.family, return_counts=True))))
 
-def load(directory, config, cache=None, limit=None):
+
+def load(directory, config, cache=None, limit=None, families=None):
     """Reads and rasterises a data set; with ``cache`` a folder, keeps the result there.
 
     ``config`` gives ``labels``, ``resolution`` and optionally ``suffix`` (default true) and ``max_transitions``
-    (missions with larger automata are skipped in training; default 4000). ``limit`` stops after so many maps.
+    (missions with larger automata are skipped in training; default 4000). ``limit`` stops after so many maps. ``families`` leaves
+    out maps of other families, uncounted.
     """
     manifest = shards.verify(directory)
-    side, labels = config["resolution"], config["labels"]
+    side, labels = config.get("resolution", UNDRAWN), config["labels"]
     suffix, most = config.get("suffix", True), config.get("max_transitions", 4000)
-    name = f"{shards.fingerprint(manifest)}-{side}-{labels}-{suffix}-{most}-{limit}-v{CACHE_VERSION}.npz"
+    kinds = "+".join(sorted(families or ["all"]))
+    name = f"{shards.fingerprint(manifest)}-{side}-{labels}-{suffix}-{most}-{limit}-{kinds}-v{CACHE_VERSION}.npz"
     path = Path(cache) / name if cache else None
     if path and path.is_file():
         with np.load(path) as stored:
@@ -74,7 +87,8 @@ def load(directory, config, cache=None, limit=None):
     for number, entry in enumerate(shards.maps(directory, manifest)):
         if limit is not None and number >= limit:
             break
-        builder.add(entry)
+        if not families or entry["family"] in families:
+            builder.add(entry)
     arrays = builder.arrays()
     if path:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -158,9 +172,23 @@ class _Builder:
             "visited": visited,
             "edges": np.array([e[:2] for e in edges], dtype=np.int32).reshape(-1, 2),
             "literals": literals,
+            "ways": self._ways(entry, mission),
             "family": entry["family"],
             "pattern": mission["pattern"],
         }
+
+    def _ways(self, entry, mission):
+        """Docs/networks.md, *Ways*: channels and then the start."""
+        out = np.zeros((self.labels + 1, self.labels + 1), dtype=np.float32)
+        if "ways" not in entry or "ways" not in mission:
+            return np.full_like(out, np.nan)
+        (x0, y0), (x1, y1) = entry["bounds"]
+        number = lambda x: FARTHEST if x is None else min(x / max(x1 - x0, y1 - y0), FARTHEST)
+        for c, k in enumerate(mission["order"]):
+            out[c, self.labels] = out[self.labels, c] = number(mission["ways"][k])
+            for d, l in enumerate(mission["order"][: c + 1]):
+                out[c, d] = out[d, c] = number(entry["ways"][max(k, l)][min(k, l)])
+        return out
 
     def arrays(self):
         if not self.rows:
@@ -172,6 +200,7 @@ class _Builder:
             "start": np.array(column("start"), dtype=np.float32),
             "order": np.stack(column("order")),
             "prefix": np.array(column("prefix"), dtype=np.int32),
+            "ways": np.stack(column("ways")),
             "family": np.array(column("family")),
             "pattern": np.array(column("pattern")),
         }

@@ -2,6 +2,7 @@
 
 ``python -m nngtl_training.goldens tests/goldens`` writes ``rasters.json`` (see ``rasters``) and, in ``models/``, for each network, ``NAME.safetensors`` (a weight file as any other)
 and ``NAME.io.safetensors``: ``raster`` (1 + labels, R, R) i8, ``states`` (S, 3) f32, ``transitions`` (T, labels) i8, ``source`` and ``target`` (T) i32,
+``ways`` (labels + 1, labels + 1) f32 for networks that read them,
 ``output``: heatmap (side, side) or state probabilities (S), f32.
 """
 
@@ -28,6 +29,7 @@ LOOKUP = dict(
     kind="statenet", variant="lookup", labels=3, resolution=100, widths=[4, 6, 8], stem=2, middle=1, stop=1,
     graph=[8, 8], reverse=True, head=6,
 )  # fmt: skip
+WAYS = dict(kind="statenet", variant="ways", labels=3, graph=[8, 8], reverse=True, head=6)
 STATE = dict(
     kind="statenet", variant="paper", labels=3, resolution=64, trunk="bottleneck", trunk_widths=[2, 3, 4, 4],
     trunk_blocks=[2, 1, 1, 1], map_feature=6, first=8, graph=[8, 8],
@@ -36,15 +38,20 @@ STATE = dict(
 GOLDENS = {
     "pathnet-paint": PAINT,
     "pathnet-paint-stem1": {**PAINT, "stem": 1, "resolution": 50, "widths": [3, 4, 6, 8], "middle": 2, "reverse": False, "look": 0},
+    "pathnet-paint-stem4": {**PAINT, "stem": 4, "resolution": 100, "output": 200},
     "pathnet-paint-200": {**PAINT, "resolution": 100, "labels": 7, "output": 200},
     "pathnet-paper": PATH,
     "pathnet-paper-broadcast": {**PATH, "fusion": "broadcast", "skip": "none", "resolution": 64, "n1": 2},
     "pathnet-paper-200": {**PATH, "resolution": 200, "labels": 2, "graph": [3, 3, 3, 3, 3]},
     "statenet-lookup": LOOKUP,
     "statenet-lookup-stem1": {**LOOKUP, "stem": 1, "resolution": 48, "widths": [4, 6], "stop": 0, "reverse": False, "middle": 0},
+    "statenet-ways": WAYS,
     "statenet-paper-bottleneck": STATE,
     "statenet-paper-basic": {**STATE, "trunk": "basic", "trunk_blocks": [1, 2, 1, 1], "resolution": 50},
 }
+
+LATER = ("pathnet-paint-stem4", "statenet-ways")
+"""Those that came later are numbered last: a golden's number is its seed."""
 
 
 def randomise(model):
@@ -66,7 +73,7 @@ def randomise(model):
             value.normal_(0, 0.2)
 
 
-def example(labels, side, rng):
+def example(labels, side, rng, ways=False):
     """A map with overlapping regions and an automaton with every kind of node: unreachable, idle, parallel cubes."""
     box = lambda x, y, w, h: np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]]) * 1.0
     obstacles = [box(0.1, 0.55, 0.4, 0.2), np.array([[0.6, 0.1], [0.9, 0.2], [0.65, 0.45]])]
@@ -91,7 +98,17 @@ def example(labels, side, rng):
         torch.zeros(9, dtype=torch.long),
         1,
     )
+    if ways:
+        lengths = rng.uniform(0, 1.5, (labels + 1, labels + 1)).astype(np.float32)
+        lengths[labels - 1] = lengths[:, labels - 1] = 0
+        graphs.ways = torch.from_numpy(lengths + lengths.T)[None]
     return batches.raster_tensor(codes, start, order), graphs
+
+
+def example_for(config, number):
+    """The example of this number that a network with this configuration reads."""
+    side = config.get("resolution", 8)
+    return example(config["labels"], side, np.random.default_rng(number), config["variant"] == "ways")
 
 
 @torch.no_grad()
@@ -112,11 +129,11 @@ def write(folder):
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     spreads = {}
-    for number, (name, config) in enumerate(GOLDENS.items()):
+    for number, (name, config) in enumerate(sorted(GOLDENS.items(), key=lambda item: item[0] in LATER)):
         torch.manual_seed(number)
         model = models.build(config).eval()
         randomise(model)
-        tensor, graphs = example(config["labels"], config["resolution"], np.random.default_rng(number))
+        tensor, graphs = example_for(config, number)
         export.write(folder / f"{name}.safetensors", model, {"golden": name})
         spreads[name] = write_example(folder / f"{name}.io.safetensors", model, tensor, graphs)
     return spreads
@@ -139,6 +156,8 @@ def write_golden(path, tensor, graphs, result):
         "target": graphs.target.int(),
         "output": result.contiguous(),
     }
+    if graphs.ways is not None:
+        held["ways"] = graphs.ways[0]
     path.write_bytes(save(held))
 
 
@@ -147,8 +166,7 @@ def shipped(folder, models_folder):
     spreads = {}
     for network in ("pathnet", "statenet"):
         model, _ = export.read(Path(models_folder) / f"{network}.safetensors")
-        config = model.config
-        tensor, graphs = example(config["labels"], config["resolution"], np.random.default_rng(99))
+        tensor, graphs = example_for(model.config, 99)
         name = f"shipped-{network}"
         spreads[name] = write_example(Path(folder) / f"{name}.io.safetensors", model, tensor, graphs)
     return spreads

@@ -35,7 +35,8 @@ class Graphs:
     """A batch of automata, node lists concatenated.
 
     ``states`` is (S, 3), ``transitions`` (T, labels) of −1, 0, 1; ``source`` and ``target`` (T) number
-    states of the whole batch; ``state_graph`` (S) and ``transition_graph`` (T) say whose they are.
+    states of the whole batch; ``state_graph`` (S) and ``transition_graph`` (T) say whose they are. ``ways``
+    (count, labels + 1, labels + 1) are lengths of ways between regions and the start (docs/networks.md, *Ways*), where they are known.
     """
 
     states: torch.Tensor
@@ -45,6 +46,7 @@ class Graphs:
     state_graph: torch.Tensor
     transition_graph: torch.Tensor
     count: int
+    ways: torch.Tensor | None = None
 
     def to(self, device):
         moved = {k: v.to(device) if torch.is_tensor(v) else v for k, v in vars(self).items()}

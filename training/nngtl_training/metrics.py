@@ -49,6 +49,11 @@ def heatmap(logits):
     return heat[:, 0]
 
 
+def drawn(config):
+    """Whether a network reads a raster."""
+    return "resolution" in config
+
+
 @torch.no_grad()
 def evaluate(model, missions, limit=None, size=32, device="cpu", spread=None):
     """Held-out metrics of a network, whole and by family and pattern.
@@ -67,7 +72,7 @@ def evaluate(model, missions, limit=None, size=32, device="cpu", spread=None):
     groups = {}
     for first in range(0, number, size):
         part = chosen[first : first + size]
-        batch = batches.make(missions, part, spread=spread).to(device)
+        batch = batches.make(missions, part, spread=spread, draw=drawn(model.config)).to(device)
         logits = model(batch.raster, batch.graphs).float()
         if paths:
             rows += _path_rows(logits, batch, missions, part)
@@ -81,7 +86,8 @@ def evaluate(model, missions, limit=None, size=32, device="cpu", spread=None):
 
 
 def _path_rows(logits, batch, missions, chosen):
-    loss = F.binary_cross_entropy_with_logits(logits, batch.heat, reduction="none").mean(dim=(1, 2))
+    target = batches.lowered(batch.heat, logits)
+    loss = F.binary_cross_entropy_with_logits(logits, target, reduction="none").mean(dim=(1, 2))
     heat, truth = heatmap(logits).cpu().numpy(), _truth(missions, chosen)
     out = []
     for k, value, scores, positive in zip(chosen, loss.tolist(), heat, truth):

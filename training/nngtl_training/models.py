@@ -20,8 +20,12 @@ class Block(nn.Module):
         return self.norm(self.conv(x))
 
 
-def conv(inputs, outputs, kernel, stride):
-    return Block(nn.Conv2d(inputs, outputs, kernel, stride, 1, bias=False), outputs)
+def conv(inputs, outputs, kernel, stride, padding=1):
+    return Block(nn.Conv2d(inputs, outputs, kernel, stride, padding, bias=False), outputs)
+
+
+STEMS = {1: (3, 1), 2: (4, 2), 4: (4, 4, 0)}
+"""Kernel, stride and padding of the first convolution by what it divides the resolution by."""
 
 
 def up(inputs, outputs, extra):
@@ -48,7 +52,11 @@ def halves(resolution, number):
 
 def looking_nodes(graphs, features, masks, start):
     """Node features extended by what the map is like where they look: transitions at their regions, the rest at the start."""
-    looked = region_mean(features, torch.cat([masks, start], dim=1))
+    return seeing_nodes(graphs, region_mean(features, torch.cat([masks, start], dim=1)))
+
+
+def seeing_nodes(graphs, looked):
+    """Node features extended by rows ``looked`` (B, labels + 1, C) of the regions and of the start."""
     regions, here = looked[:, :-1], looked[:, -1]
     need, forbid = gr.sign_mean(graphs, regions, 1), gr.sign_mean(graphs, regions, -1)
     return {
@@ -74,7 +82,7 @@ class UNet(nn.Module):
         widths, self.stem = config["widths"], config["stem"]
         base = config["resolution"] // self.stem
         self.sizes = [base] + halves(base, len(widths) - 1)[1:]
-        self.encoder = nn.ModuleList([conv(inputs, widths[0], *((3, 1) if self.stem == 1 else (4, 2)))])
+        self.encoder = nn.ModuleList([conv(inputs, widths[0], *STEMS[self.stem])])
         for a, b in zip(widths, widths[1:]):
             self.encoder.append(conv(a, b, 4, 2))
         self.middle = nn.ModuleList(conv(widths[-1], widths[-1], 3, 1) for _ in range(config["middle"]))
@@ -198,11 +206,13 @@ class PathNetPaint(UNet):
         if self.stem == 1:
             self.top = conv(entering, config["top"], 3, 1)
         else:
-            self.top = up(entering, config["top"], config["resolution"] - 2 * self.sizes[0])
+            # To the full resolution, with a stem of 4 to half of it.
+            finest = config["resolution"] // (self.stem // 2)
+            self.top = up(entering, config["top"], finest - 2 * self.sizes[0])
         self.head = rare(nn.Conv2d(config["top"], 1, 1))
 
     def forward(self, raster, graphs):
-        """Logits (B, R, R) from rasters (B, 1 + labels, R, R)."""
+        """Logits (B, R, R), with a stem of 4 (B, R/2, R/2), from rasters (B, 1 + labels, R, R)."""
         status, masks = raster[:, :1], raster[:, 1:]
         start = (-status).clamp(min=0)
         with torch.autocast(raster.device.type, enabled=False):
@@ -273,6 +283,25 @@ class StateNetLookup(UNet):
             return self.head[1](F.relu(self.head[0](states)))
 
 
+class StateNetWays(nn.Module):
+    """Our StateNet: nodes know how far the regions are from each other and from the start."""
+
+    def __init__(self, config):
+        super().__init__()
+        self.config = config
+        self.graph = gr.layers(looking_widths(config, config["labels"] + 1), config["graph"], config["reverse"])
+        self.head = nn.ModuleList(
+            [nn.Linear(config["graph"][-1], config["head"]), nn.Linear(config["head"], 1)]
+        )
+
+    def forward(self, raster, graphs):
+        """Logits (S, 1)."""
+        with torch.autocast(graphs.states.device.type, enabled=False):
+            nodes = seeing_nodes(graphs, graphs.ways)
+            states = run_graph(self.graph, graphs, nodes)[-1]["state"]
+            return self.head[1](F.relu(self.head[0](states)))
+
+
 PLANES = 5
 
 
@@ -300,6 +329,7 @@ VARIANTS = {
     ("pathnet", "paint"): PathNetPaint,
     ("statenet", "paper"): StateNetPaper,
     ("statenet", "lookup"): StateNetLookup,
+    ("statenet", "ways"): StateNetWays,
 }
 
 

@@ -65,6 +65,7 @@ class Run:
             "data": missions.fingerprint,
             "missions": len(missions),
             "skipped": missions.skipped,
+            "families": missions.families(),
             "handed": [],
         }
         self.augment = batches.Augment(
@@ -97,14 +98,15 @@ class Run:
         chosen = chosen[self.team.rank :: self.team.size]
         paths = self.config["network"]["kind"] == "pathnet"
         reach, spread = self.options["reach"], self.options.get("spread")
-        batch = batches.make(self.missions, chosen, self.augment, rng, reach, paths, spread).to(self.device)
+        drawn = metrics.drawn(self.config["network"])
+        batch = batches.make(self.missions, chosen, self.augment, rng, reach, paths, spread, drawn).to(self.device)
         for group in self.optimizer.param_groups:
             group["lr"] = self.rate(progress)
         self.model.train()
         if hasattr(self.model, "trunk"):
             fixed = self.frozen()
             self.model.trunk.requires_grad_(not fixed).train(not fixed)
-        inputs = batch.raster.contiguous(memory_format=torch.channels_last)
+        inputs = batch.raster.contiguous(memory_format=torch.channels_last) if drawn else batch.raster
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.half):
             logits = self.forward(inputs, batch.graphs)
         loss = self.loss(logits.float(), batch)
@@ -119,7 +121,7 @@ class Run:
         """Binary cross entropy: over cells for PathNet, over the logits of the states for StateNet."""
         if self.config["network"]["kind"] == "pathnet":
             weight = torch.tensor(self.options["positive_weight"], device=logits.device)
-            return F.binary_cross_entropy_with_logits(logits, batch.heat, pos_weight=weight)
+            return F.binary_cross_entropy_with_logits(logits, batches.lowered(batch.heat, logits), pos_weight=weight)
         truth = batch.visited[:, None]
         if logits.shape[1] == 2:
             truth = torch.cat([1 - truth, truth], dim=1)
@@ -242,8 +244,11 @@ def start(options):
         device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0")))
     config = configs.get(options.config, options.net, options.set)
     network = {**config["network"], "suffix": config["training"]["suffix"]}
-    missions = data.load(options.data, network, options.cache, options.maps)
+    missions = data.load(options.data, network, options.cache, options.maps, options.families)
     held_out = data.load(options.held_out, network, options.cache) if options.held_out else None
+    for found in (missions, held_out):
+        if found is not None and config["network"]["variant"] == "ways" and np.isnan(found.ways).any():
+            raise SystemExit("a data set has no lengths of ways, which this StateNet reads: generate it anew")
     run = Run(config, missions, options.seed, device, Team.from_environment(device))
     if "epochs" in config["training"] and options.minutes is None and options.steps is None:
         options.steps = math.ceil(config["training"]["epochs"] * len(missions) / config["training"]["batch"])
@@ -289,6 +294,7 @@ def main(arguments=None):
     parser.add_argument("--minutes", type=float, help="budget in minutes of training")
     parser.add_argument("--steps", type=int, help="budget in steps; reproducible")
     parser.add_argument("--maps", type=int, help="use only the first so many maps")
+    parser.add_argument("--families", type=lambda text: text.split(","), help="train on these families of maps alone, separated by commas")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--device", default="auto")
     parser.add_argument("--trunk", type=Path, help="state dictionary of an ImageNet ResNet-50 (StateNet, paper)")

@@ -26,6 +26,7 @@ def test_golden(name):
         torch.zeros(states, dtype=torch.long),
         torch.zeros(transitions, dtype=torch.long),
         1,
+        io["ways"][None] if "ways" in io else None,
     )
     found = goldens.output(model, io["raster"].float()[None], graphs)
     torch.testing.assert_close(found, io["output"], rtol=1e-5, atol=1e-6)

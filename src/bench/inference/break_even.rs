@@ -10,11 +10,11 @@ use crate::bench::stats::Ratio;
 use crate::bench::{BenchError, Case, Comparison, Prediction, Strategy, Summary, compare};
 use crate::dataset::maps::{Family, draw_map, draw_start};
 use crate::dataset::missions::draw_pattern;
-use crate::mission;
+use crate::mission::{self, Question};
 use crate::nn::Predictor;
 use crate::planner::{Problem, Settings, Stop};
 use crate::random::generator;
-use crate::system::Continuous;
+use crate::system::{Continuous, TransitionSystem};
 
 /// Predictions of each mission; the median counts.
 const PREDICTIONS: usize = 5;
@@ -84,11 +84,18 @@ pub fn generated_cases(seed: u64, count: usize, predictor: &mut Predictor) -> Ve
         let Ok(system) = Continuous::new(Arc::clone(&workspace), start) else {
             continue;
         };
+        let question = Question {
+            map: &workspace,
+            system: &system,
+            start: system.start(),
+            task: &task,
+        };
         let mut seconds = Vec::new();
         let mut guidance = None;
         for _ in 0..PREDICTIONS {
+            system.forget();
             let begin = Instant::now();
-            if let Ok(found) = mission::predict_with(predictor, &workspace, start, &task) {
+            if let Ok(found) = mission::predict_with(predictor, question) {
                 guidance = Some(found.guidance);
             }
             seconds.push(begin.elapsed().as_secs_f64());

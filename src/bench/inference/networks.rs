@@ -124,6 +124,9 @@ impl SampleMission {
             regions: outlines[..LABELS].to_vec(),
             obstacles: outlines[LABELS..].to_vec(),
             start: Point2::new(0.02, 0.02),
+            ways: (0..(LABELS + 1) * (LABELS + 1))
+                .map(|k| k as f64 / 64.0)
+                .collect(),
         }
     }
 

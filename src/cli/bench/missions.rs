@@ -15,7 +15,7 @@ use crate::cli::failure::Failure;
 use crate::dataset::maps::Family;
 use crate::dataset::{self, GenerateConfig, LabelledMission};
 use crate::guidance::Guidance;
-use crate::mission::{self, MissionError};
+use crate::mission::{self, MissionError, Question};
 use crate::nn::Predictor;
 use crate::planner::{Problem, Stop};
 use crate::scenario::Scenario;
@@ -171,9 +171,20 @@ pub(super) fn cases(
     console: &Console,
 ) -> Result<Vec<Case>, Failure> {
     let mut predictions: Vec<Vec<Prediction>> = missions.iter().map(|_| Vec::new()).collect();
+    let worlds: Vec<Continuous> = missions
+        .iter()
+        .map(|m| Continuous::new(Arc::clone(&m.map), m.start))
+        .collect::<Result<_, _>>()
+        .map_err(MissionError::from)?;
     let asked: Vec<_> = missions
         .iter()
-        .map(|m| (&*m.map, m.start, &m.task))
+        .zip(&worlds)
+        .map(|(m, world)| Question {
+            map: &m.map,
+            system: world,
+            start: world.start(),
+            task: &m.task,
+        })
         .collect();
     for predictor in predictors {
         let device = predictor.device().to_owned();
@@ -197,9 +208,9 @@ pub(super) fn cases(
     }
     missions
         .into_iter()
+        .zip(worlds)
         .zip(predictions)
-        .map(|(mission, predictions)| {
-            let system = Continuous::new(mission.map, mission.start).map_err(MissionError::from)?;
+        .map(|((mission, system), predictions)| {
             Ok(Case {
                 name: mission.name,
                 family: mission.family.map(|f| f.name().to_owned()),

@@ -37,6 +37,7 @@ impl Model {
             Config::PathPaint(c) => pathnet::paint(source, program, c),
             Config::StatePaper(c) => statenet::paper(source, program, c),
             Config::StateLookup(c) => statenet::lookup(source, program, c),
+            Config::StateWays(c) => statenet::ways(source, program, c),
         })?;
         program.resolution = config.resolution();
         program.labels = config.labels();

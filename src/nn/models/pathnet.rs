@@ -162,7 +162,8 @@ pub(super) fn paint(source: &mut TensorSource<'_>, program: &mut Program, c: &Pa
     let condition = program.matrix(Extent::Fixed(1), deepest);
     project(source, program, "condition", feature, condition);
     let x = unet(source, program, &c.unet, x, Some(condition), 0, 0);
-    let y = program.map(c.top, side, side);
+    let finest = if c.unet.stem == 4 { side / 2 } else { side };
+    let y = program.map(c.top, finest, finest);
     if c.unet.stem == 1 {
         let norm = Norm::Batch("top.norm");
         let (weight, bias) = source.conv(program, "top.conv", norm, [c.top, x.channels], 3);
@@ -180,7 +181,7 @@ pub(super) fn paint(source: &mut TensorSource<'_>, program: &mut Program, c: &Pa
         up(source, program, "top", x, y);
     }
     let y = head(source, program, y);
-    let output = if side == c.output {
+    let output = if finest == c.output {
         y
     } else {
         let full = program.map(1, c.output, c.output);

@@ -1,8 +1,8 @@
 //! StateNet: which automaton states good paths visit.
 
-use super::automaton::{LayerInput, PLANES, PerType, look, plain_widths, stack};
+use super::automaton::{LayerInput, PLANES, PerType, look, plain_widths, see, stack};
 use super::{resnet, unet::unet};
-use crate::nn::config::{StateLookup, StatePaper};
+use crate::nn::config::{StateLookup, StatePaper, StateWays};
 use crate::nn::program::{Activation, Extent, Matrix, Op, Program, Source, Window};
 use crate::nn::weights::{Norm, TensorSource};
 
@@ -108,6 +108,15 @@ pub(super) fn lookup(source: &mut TensorSource<'_>, program: &mut Program, c: &S
     }
     let features = unet(source, program, &c.unet, x, None, c.stop, PLANES);
     let input = look(program, features, c.labels, c.reverse);
+    let after = stack(source, program, input, &c.graph);
+    head(source, program, after[after.len() - 1].state, c.head, 1);
+}
+
+/// `variant: "ways"`.
+pub(super) fn ways(source: &mut TensorSource<'_>, program: &mut Program, c: &StateWays) {
+    let rows = program.matrix(Extent::Fixed(c.labels + 1), c.labels + 1);
+    program.input(Source::Ways, rows);
+    let input = see(program, rows, c.labels, c.reverse);
     let after = stack(source, program, input, &c.graph);
     head(source, program, after[after.len() - 1].state, c.head, 1);
 }

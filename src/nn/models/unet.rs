@@ -90,10 +90,10 @@ pub(super) fn unet(
             Some(map) => map.channels(width, width),
             None => program.map(width, sizes[i], sizes[i]),
         };
-        let window = if i == 0 && config.stem == 1 {
-            Window::new(3, 1, 1)
-        } else {
-            HALF
+        let window = match (i, config.stem) {
+            (0, 1) => Window::new(3, 1, 1),
+            (0, 4) => Window::new(4, 4, 0),
+            _ => HALF,
         };
         conv(
             source,

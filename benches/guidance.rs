@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nngtl::automaton::Task;
-use nngtl::mission;
+use nngtl::mission::{self, Question};
 use nngtl::nn::{DeviceChoice, Predictor};
 use nngtl::planner::{Guide, Problem, Sampler, Settings, Solution, Stop, plan};
 use nngtl::scenario::Scenario;

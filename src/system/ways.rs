@@ -98,7 +98,7 @@ impl Ways {
 fn largest(system: &dyn TransitionSystem, region: usize) -> Option<Landmark> {
     let letters = system.alphabet().letters_with(region);
     let landmarks = letters.iter().flat_map(|l| system.landmarks(l));
-    landmarks.copied().reduce(|best, l| {
-        if l.area > best.area { l } else { best }
-    })
+    landmarks
+        .copied()
+        .reduce(|best, l| if l.area > best.area { l } else { best })
 }

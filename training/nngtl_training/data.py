@@ -73,7 +73,9 @@ def load(directory, config, cache=None, limit=None, families=None):
     out maps of other families, uncounted.
     """
     manifest = shards.verify(directory)
-    side, labels = config.get("resolution", UNDRAWN), config["labels"]
+    # Networks that read no raster need no cells either.
+    drawn = "resolution" in config
+    side, labels = config["resolution"] if drawn else UNDRAWN, config["labels"]
     suffix, most = config.get("suffix", True), config.get("max_transitions", 4000)
     kinds = "+".join(sorted(families or ["all"]))
     name = f"{shards.fingerprint(manifest)}-{side}-{labels}-{suffix}-{most}-{limit}-{kinds}-v{CACHE_VERSION}.npz"
@@ -83,7 +85,7 @@ def load(directory, config, cache=None, limit=None, families=None):
             kept = {key: stored[key] for key in stored.files}
         skipped = dict(zip(kept.pop("skipped_why"), kept.pop("skipped_count").tolist()))
         return Missions(side, labels, shards.fingerprint(manifest), skipped=skipped, **kept)
-    builder = _Builder(side, labels, suffix, most)
+    builder = _Builder(side, labels, suffix, most, drawn)
     for number, entry in enumerate(shards.maps(directory, manifest)):
         if limit is not None and number >= limit:
             break
@@ -100,11 +102,18 @@ def load(directory, config, cache=None, limit=None, families=None):
     return Missions(side, labels, shards.fingerprint(manifest), skipped=builder.skipped, **arrays)
 
 
+_NO_CELLS = {
+    "cells": np.zeros(0, dtype=np.uint16),
+    "reach": np.zeros(0, dtype=np.uint16),
+    "legs": np.zeros((0, 3), dtype=np.float32),
+}
+
+
 class _Builder:
     """Collects missions into flat arrays."""
 
-    def __init__(self, side, labels, suffix, most):
-        self.side, self.labels, self.suffix, self.most = side, labels, suffix, most
+    def __init__(self, side, labels, suffix, most, drawn=True):
+        self.side, self.labels, self.suffix, self.most, self.drawn = side, labels, suffix, most, drawn
         self.codes, self.rows, self.skipped = [], [], {}
 
     def add(self, entry):
@@ -114,7 +123,7 @@ class _Builder:
         obstacles = [frame(p) for p in entry["obstacles"]]
         regions = [frame(p) for p in entry["regions"]]
         extent = ((x1 - x0) / scale, (y1 - y0) / scale)
-        fine = raster.map_codes(obstacles, [], extent, TARGET_SIDE) & 1 == 0
+        fine = raster.map_codes(obstacles, [], extent, TARGET_SIDE) & 1 == 0 if self.drawn else None
         used = False
         for mission in entry["missions"]:
             why = self._refuse(mission)
@@ -135,17 +144,7 @@ class _Builder:
 
     def _row(self, entry, mission, frame, free, regions):
         prefix, suffix = frame(mission["prefix"]), frame(mission["suffix"])
-        marks = raster.path(prefix * TARGET_SIDE, TARGET_SIDE)
-        if self.suffix:
-            marks |= raster.path(suffix * TARGET_SIDE, TARGET_SIDE)
-        marks = raster.grow(marks) & free
-        used = [(k, regions[k]) for k in mission["order"]]
-        entries, legs = arrivals(prefix, used)
-        if self.suffix:
-            entries += arrivals(suffix, used)[0]
-        reach = np.zeros_like(marks)
-        for point, shape in entries:
-            reach |= _disc(point) & raster.polygon(shape * TARGET_SIDE, TARGET_SIDE)
+        cells = self._cells(mission, prefix, suffix, free, regions) if self.drawn else _NO_CELLS
         automaton = mission["automaton"]
         states = np.zeros((automaton["states"], 3), dtype=np.float32)
         states[automaton["initial"], 0] = 1
@@ -165,9 +164,7 @@ class _Builder:
             "order": order,
             "points": np.concatenate([prefix, suffix]),
             "prefix": len(prefix),
-            "cells": np.flatnonzero(marks).astype(np.uint16),
-            "reach": np.flatnonzero(reach & free).astype(np.uint16),
-            "legs": np.array(legs, dtype=np.float32).reshape(-1, 3),
+            **cells,
             "states": states,
             "visited": visited,
             "edges": np.array([e[:2] for e in edges], dtype=np.int32).reshape(-1, 2),
@@ -175,6 +172,25 @@ class _Builder:
             "ways": self._ways(entry, mission),
             "family": entry["family"],
             "pattern": mission["pattern"],
+        }
+
+    def _cells(self, mission, prefix, suffix, free, regions):
+        """What a mission marks at 200×200, and its straight legs."""
+        marks = raster.path(prefix * TARGET_SIDE, TARGET_SIDE)
+        if self.suffix:
+            marks |= raster.path(suffix * TARGET_SIDE, TARGET_SIDE)
+        marks = raster.grow(marks) & free
+        used = [(k, regions[k]) for k in mission["order"]]
+        entries, legs = arrivals(prefix, used)
+        if self.suffix:
+            entries += arrivals(suffix, used)[0]
+        reach = np.zeros_like(marks)
+        for point, shape in entries:
+            reach |= _disc(point) & raster.polygon(shape * TARGET_SIDE, TARGET_SIDE)
+        return {
+            "cells": np.flatnonzero(marks).astype(np.uint16),
+            "reach": np.flatnonzero(reach & free).astype(np.uint16),
+            "legs": np.array(legs, dtype=np.float32).reshape(-1, 3),
         }
 
     def _ways(self, entry, mission):

@@ -252,12 +252,7 @@ pub(super) fn look(
 
 /// The input of the first graph layer when nodes see a row for each region and one for the start: transitions the means of
 /// those that they need and forbid, the others that of the start.
-pub(super) fn see(
-    program: &mut Program,
-    rows: Matrix,
-    labels: usize,
-    reverse: bool,
-) -> LayerInput {
+pub(super) fn see(program: &mut Program, rows: Matrix, labels: usize, reverse: bool) -> LayerInput {
     let looked = rows.columns;
     let (regions, here) = (rows.rows(0, labels), rows.rows(labels, 1));
     let plain = plain_widths(labels);

@@ -10,7 +10,7 @@ const ON_THE_WAY: f64 = 0.3;
 
 /// Draws a point towards what the automaton needs next.
 pub(super) fn draw(view: &View<'_>, random: &mut Random) -> Option<Draw> {
-    let chosen = destination(view, Preference { predicted: None }, random)?;
+    let chosen = destination(view, Preference::default(), random)?;
     let Some(target) = chosen.target else {
         return Some(uniform(view, random));
     };

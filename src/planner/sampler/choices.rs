@@ -20,19 +20,27 @@ use crate::random::{Random, chance, choose, unit, weighted};
 const ELSEWHERE: f64 = 0.2;
 
 /// How a choice among automaton states is made.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(super) struct Preference<'a> {
-    /// Predicted probabilities per automaton state, and with which probability to follow them.
-    pub(super) predicted: Option<(&'a [f64], f64)>,
+    /// Predicted probabilities per automaton state.
+    pub(super) predicted: Option<&'a [f64]>,
+    /// With which probability a choice follows them.
+    pub(super) alpha: f64,
+    /// What a probability counts as at least.
+    pub(super) least: f64,
 }
 
-impl Preference<'_> {
+impl<'a> Preference<'a> {
+    /// What this choice follows, if it is one that follows the prediction.
+    fn drawn(&self, random: &mut Random) -> Option<impl Fn(StateId) -> f64 + use<'a>> {
+        let (p, least) = (self.predicted?, self.least);
+        chance(random, self.alpha).then(|| move |q: StateId| p[q.index()].max(least))
+    }
+
     /// Draws one of `states`: by prediction with probability α, otherwise uniformly.
     fn pick(&self, random: &mut Random, states: &[StateId]) -> Option<StateId> {
-        if let Some((p, alpha)) = self.predicted
-            && chance(random, alpha)
-        {
-            let weights = states.iter().map(|q| p[q.index()]);
+        if let Some(p) = self.drawn(random) {
+            let weights = states.iter().map(|&q| p(q));
             return weighted(random, weights).map(|i| states[i]);
         }
         choose(random, states).copied()
@@ -179,12 +187,9 @@ fn draw_node(
     random: &mut Random,
 ) -> Option<NodeId> {
     let count = |q: &StateId| view.tree.in_state(*q).len();
-    let predicted = preference
-        .predicted
-        .filter(|&(_, alpha)| chance(random, alpha));
-    let state = match predicted {
-        Some((p, _)) => {
-            let weights = states.iter().map(|q| p[q.index()] * count(q) as f64);
+    let state = match preference.drawn(random) {
+        Some(p) => {
+            let weights = states.iter().map(|q| p(*q) * count(q) as f64);
             states[weighted(random, weights)?]
         }
         None => states[weighted(random, states.iter().map(|q| count(q) as f64))?],
@@ -215,10 +220,8 @@ fn first_successor(
         .successors(state, letter)
         .filter(|&q| to_go(q) <= before)
         .collect();
-    if let Some((p, alpha)) = preference.predicted
-        && chance(random, alpha)
-    {
-        let weights = allowed.iter().map(|q| p[q.index()]);
+    if let Some(p) = preference.drawn(random) {
+        let weights = allowed.iter().map(|&q| p(q));
         return weighted(random, weights).map(|i| allowed[i]);
     }
     let least = allowed.iter().map(|&q| to_go(q)).min()?;

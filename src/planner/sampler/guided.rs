@@ -26,15 +26,19 @@ const CORNER_TRIES: usize = 8;
 /// The squares around a corner get smaller by up to so many powers of two.
 const SIZES: f64 = 6.0;
 
+/// What a state's probability counts as at least: one that the network rules out by mistake is still chosen now and then.
+const LEAST: f64 = 0.02;
+
+/// The share of choices that follow the prediction once a plan is known, at most. By then its best guess has been tried.
+const IMPROVING: f64 = 0.7;
+
 /// Cells of the frame when there is no heatmap.
 const SIDE: usize = 200;
 
 /// Draws a point as the networks predict; without predictions, as the rules alone have it.
 pub(super) fn draw(guide: Option<&Guide>, view: &View<'_>, random: &mut Random) -> Option<Draw> {
     let settings = view.settings;
-    let preference = Preference {
-        predicted: guide.map(|g| (g.states.as_slice(), settings.alpha)),
-    };
+    let preference = guide.map_or(Preference::default(), |g| preference(g, view));
     let Destination {
         mut closest,
         target,
@@ -66,6 +70,21 @@ pub(super) fn draw(guide: Option<&Guide>, view: &View<'_>, random: &mut Random) 
         at,
         closest: Some(closest),
     })
+}
+
+/// C-1, and unless the paper's rule is asked for: no state is ruled out, and the search for better plans trusts the prediction less.
+fn preference<'a>(guide: &'a Guide, view: &View<'_>) -> Preference<'a> {
+    let (alpha, ours) = (view.settings.alpha, view.settings.lead > 0.0);
+    let improving = ours && view.is_improving();
+    Preference {
+        predicted: Some(guide.states.as_slice()),
+        alpha: if improving {
+            alpha.min(IMPROVING)
+        } else {
+            alpha
+        },
+        least: if ours { LEAST } else { 0.0 },
+    }
 }
 
 /// Where a point is drawn from.

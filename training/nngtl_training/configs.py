@@ -6,7 +6,7 @@ from pathlib import Path
 
 LABELS = 7
 
-COMPACT_PATHNET = {
+RASTER_PATHNET = {
     "kind": "pathnet",
     "variant": "paint",
     "labels": LABELS,
@@ -22,7 +22,9 @@ COMPACT_PATHNET = {
     "output": 200,
 }
 
-COMPACT_STATENET = {
+COMPACT_PATHNET = {**RASTER_PATHNET, "widths": [24, 48, 96], "stem": 4, "middle": 2}
+
+RASTER_STATENET = {
     "kind": "statenet",
     "variant": "lookup",
     "labels": LABELS,
@@ -36,7 +38,7 @@ COMPACT_STATENET = {
     "head": 64,
 }
 
-WAYS_STATENET = {
+COMPACT_STATENET = {
     "kind": "statenet",
     "variant": "ways",
     "labels": LABELS,
@@ -89,6 +91,17 @@ COMPACT_TRAINING = {
     "precision": "auto",
 }
 
+# Automata and ways alone: the start cannot be moved, symmetries change nothing.
+WAYS_TRAINING = {
+    **COMPACT_TRAINING,
+    "batch": 128,
+    "warm_up": 200,
+    "symmetries": False,
+    "permute": 0.7,
+    "jitter": 0.0,
+    "precision": "f32",
+}
+
 # nngtl.md, IV-D: Adam, batch 128, StateNet 100 epochs with a fixed trunk and 20 with a free one at 1e-3, PathNet 150 epochs at 1e-4.
 # Its seven-fold augmentation is done on the fly by the symmetries.
 PAPER_TRAINING = {
@@ -107,7 +120,11 @@ PAPER_TRAINING = {
 CONFIGS = {
     "compact": {
         "pathnet": {"network": COMPACT_PATHNET, "training": COMPACT_TRAINING},
-        "statenet": {"network": COMPACT_STATENET, "training": {**COMPACT_TRAINING, "batch": 64}},
+        "statenet": {"network": COMPACT_STATENET, "training": WAYS_TRAINING},
+    },
+    "raster": {
+        "pathnet": {"network": RASTER_PATHNET, "training": COMPACT_TRAINING},
+        "statenet": {"network": RASTER_STATENET, "training": {**COMPACT_TRAINING, "batch": 64}},
     },
     "paper": {
         "pathnet": {"network": PAPER_PATHNET, "training": {**PAPER_TRAINING, "rate": 1e-4, "epochs": 150}},

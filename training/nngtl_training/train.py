@@ -285,7 +285,7 @@ def _begin(run, options):
 def main(arguments=None):
     parser = argparse.ArgumentParser(description="Trains PathNet or StateNet. Continues the run in --out if there is one.")
     parser.add_argument("net", choices=["pathnet", "statenet"])
-    parser.add_argument("--config", default="compact", help="compact, paper, or a JSON file")
+    parser.add_argument("--config", default="compact", help="compact, raster, paper, or a JSON file")
     parser.add_argument("--set", action="append", default=[], metavar="PART.KEY=VALUE", help="change the configuration")
     parser.add_argument("--data", type=Path, required=True, help="data set to train on")
     parser.add_argument("--held-out", type=Path, help="data set to evaluate on")

@@ -120,8 +120,10 @@ def draw_mission(rng, boxes, squares):
         at = t + 1
         state = state | 1 << t if free else state + 1
         visited.append(state)
+    _, around, _ = roadmap([start] + centres, boxes)
     return {
         "start": start,
+        "ways": [round(float(v), 4) for v in around[0, 1 : 1 + len(centres)]],
         "formula": " && ".join(f"<> l{k + 1}" for k in order),
         "pattern": "visit" if free else "sequence",
         "order": order,
@@ -131,6 +133,14 @@ def draw_mission(rng, boxes, squares):
         "visited": sorted(visited),
         "cost": 0.2 * float(cost(tour)),
     }
+
+
+def map_ways(boxes, squares):
+    """Ways between the squares' centres, and last the radius of a disc of a square's area."""
+    _, length, _ = roadmap([(x + w / 2, y + h / 2) for x, y, w, h in squares], boxes)
+    for k, (_, _, w, h) in enumerate(squares):
+        length[k, k] = (w * h / np.pi) ** 0.5
+    return [[round(float(v), 4) for v in length[k, : k + 1]] for k in range(len(squares))]
 
 
 def write(directory, maps, seed=0, missions=4, shards=2, regions=7):
@@ -149,6 +159,7 @@ def write(directory, maps, seed=0, missions=4, shards=2, regions=7):
                 "bounds": [[0, 0], [1, 1]],
                 "obstacles": [rectangle(*b) for b in boxes],
                 "regions": [rectangle(*b) for b in squares],
+                "ways": map_ways(boxes, squares),
                 "missions": [m for m in drawn if m],
             }
         )

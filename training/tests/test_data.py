@@ -6,8 +6,10 @@ import shutil
 
 import numpy as np
 import pytest
+import torch
 
 from nngtl_training import batches, data, raster, shards
+from nngtl_training import graph as gr
 
 CONFIG = {"labels": 7, "resolution": 100}
 
@@ -219,3 +221,24 @@ def test_an_epoch_visits_every_mission_once_and_depends_on_the_seed():
     assert sorted(seen[:10]) == list(range(10)) and sorted(seen[10:]) == list(range(10))
     assert not np.array_equal(seen[:10], seen[10:])
     assert not np.array_equal(batches.indices(10, 10, 7, 0), batches.indices(10, 10, 8, 0))
+
+
+def test_ways_follow_the_channels(data_set):
+    folder, maps = data_set
+    missions = data.load(folder, {"labels": 7})  # no resolution: nothing is drawn
+    wanted = [(m, entry) for entry in maps for m in entry["missions"]]
+    chosen = np.arange(len(wanted))
+    plain = batches.make(missions, chosen, draw=False).graphs.ways.numpy()
+    for (mission, entry), found in zip(wanted, plain):
+        used = len(mission["order"])
+        for c, k in enumerate(mission["order"]):
+            assert found[c, 7] == found[7, c] == pytest.approx(mission["ways"][k], abs=1e-6)
+            for d, l in enumerate(mission["order"]):
+                assert found[c, d] == pytest.approx(entry["ways"][max(k, l)][min(k, l)], abs=1e-6)
+        assert not found[used:7].any() and not found[:, used:7].any() and found[7, 7] == 0
+    # With other channels for the regions, what a transition needs is still as far from the start.
+    turned = batches.make(missions, chosen, batches.Augment(False, 1.0, 0.0), np.random.default_rng(1), draw=False).graphs
+    straight = batches.make(missions, chosen, draw=False).graphs
+    assert not torch.equal(turned.transitions, straight.transitions)
+    far = lambda g: gr.sign_mean(g, g.ways, 1)[:, 7]
+    assert torch.equal(far(turned), far(straight))

@@ -1,5 +1,6 @@
 """The loop: learning, exact resume, export, hand-over."""
 
+import gzip
 import hashlib
 import json
 import os
@@ -11,12 +12,15 @@ import pytest
 import torch
 from safetensors import safe_open
 
+import synthetic
+
 from nngtl_training import batches, configs, data, evaluate, export, metrics, models, train
 
 SMALL = {
     "pathnet": ["network.widths=[4,8,8]", "network.graph=[8,8]", "network.embedding=3", "network.top=4"],
-    "statenet": ["network.widths=[4,8,8]", "network.graph=[16,16,16,16]", "network.head=16"],
+    "statenet": ["network.graph=[16,16,16,16]", "network.head=16"],
 }
+RASTER = {**SMALL, "statenet": [*SMALL["statenet"], "network.widths=[4,8,8]"]}
 
 
 def small(kind, *changes):
@@ -126,12 +130,14 @@ def test_a_run_begins_from_a_weight_file(data_set, tmp_path):
     assert record["began"] == hashlib.sha256(file.read_bytes()).hexdigest()
 
 
-@pytest.mark.parametrize("name", ["compact", "paper"])
+@pytest.mark.parametrize("name", ["compact", "raster", "paper"])
 @pytest.mark.parametrize("kind", ["pathnet", "statenet"])
 def test_an_exported_model_computes_what_it_did(name, kind, data_set, tmp_path):
     changes = {
         ("compact", "pathnet"): SMALL["pathnet"],
         ("compact", "statenet"): SMALL["statenet"],
+        ("raster", "pathnet"): RASTER["pathnet"],
+        ("raster", "statenet"): RASTER["statenet"],
         ("paper", "pathnet"): ["network.n1=1"],
         ("paper", "statenet"): ["network.trunk_widths=[2,2,4,4]", "network.trunk_blocks=[1,1,1,1]", "network.map_feature=8", "network.graph=[8,8]", "network.first=4"],
     }[name, kind]
@@ -238,3 +244,28 @@ def test_the_evaluate_command_reads_weight_and_data(data_set, tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     assert found["all"]["missions"] == 6 and 0 < found["all"]["ap"] <= 1
     assert sum(v["missions"] for k, v in found.items() if k.startswith("pattern")) == 6
+
+
+def test_a_set_without_ways_trains_the_networks_that_read_none(tmp_path):
+    entries = synthetic.write(tmp_path / "set", maps=2)
+    for entry in entries:
+        for part in (entry, *entry["missions"]):
+            del part["ways"]
+    rewrite(tmp_path / "set", entries)
+    base = ["statenet", "--data", str(tmp_path / "set"), "--device", "cpu", "--steps", "1", "--set", "training.batch=4"]
+    small = lambda changes: [word for change in changes for word in ("--set", change)]
+    with pytest.raises(SystemExit, match="no lengths of ways"):
+        train.main([*base, *small(SMALL["statenet"]), "--out", str(tmp_path / "ways")])
+    train.main([*base, "--config", "raster", *small(RASTER["statenet"]), "--out", str(tmp_path / "raster")])
+    assert (tmp_path / "raster" / "statenet.safetensors").is_file()
+
+
+def rewrite(folder, entries):
+    """Puts other lines into the one shard of a data set."""
+    manifest = json.loads((folder / "manifest.json").read_text())
+    for shard in manifest["shards"]:
+        lines = [json.dumps(entry) + "\n" for entry in entries[shard["from"] : shard["to"]]]
+        path = folder / shard["file"]
+        path.write_bytes(gzip.compress("".join(lines).encode(), mtime=0))
+        shard["sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
+    (folder / "manifest.json").write_text(json.dumps(manifest))

@@ -321,11 +321,15 @@ impl<'a> Tree<'a> {
         if self.finite || self.sites.len() < LARGE {
             return self.nearest(p);
         }
+        let began = self.clock.start();
         self.ask(p, near);
-        let first = self.hits.iter().map(|h| h.square()).min_by(f64::total_cmp);
-        let ties = self.hits.iter().filter(|h| Some(h.square()) == first);
-        let nearest = ties.map(|h| self.index.rank_at(h.slot).site).min();
-        nearest.unwrap_or_else(|| self.nearest(p))
+        self.clock.stop(began, |s| &mut s.near);
+        let Some(first) = self.hits.iter().min() else {
+            return self.nearest(p);
+        };
+        let ties = self.hits.iter().filter(|h| h.square() == first.square());
+        let sites = ties.map(|h| self.index.rank_at(h.slot).site);
+        sites.min().unwrap_or(SiteId(0))
     }
 
     /// Looks for the sites `near` a place, unless that is what was asked last.
@@ -372,7 +376,7 @@ impl<'a> Tree<'a> {
         self.clock.start()
     }
 
-    /// A point was drawn and it was found where the tree grows towards it from.
+    /// A point was drawn.
     pub(crate) fn sampled(&mut self, began: Began) {
         self.clock.stop(began, |s| &mut s.sample);
     }

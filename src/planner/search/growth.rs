@@ -31,6 +31,7 @@ pub(super) fn grow(
     let Some(Draw { at, closest }) = sampler.draw(&view, random) else {
         return false;
     };
+    tree.sampled(began);
     let side = problem.system.bounds().side();
     let near = settings.near(tree.site_count(), side);
     let anchor = match closest {
@@ -47,7 +48,6 @@ pub(super) fn grow(
     let Some(spot) = problem.system.settle(at) else {
         return false;
     };
-    tree.sampled(began);
     tree.extend(spot, near, &[anchor]).is_some()
 }
 

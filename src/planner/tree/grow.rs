@@ -178,11 +178,7 @@ impl Tree<'_> {
 
     /// Appends the hits, but not the place itself, which is returned. Where the index is asked, lengths are
     /// Euclidean ([`neighbours`](crate::system::TransitionSystem::neighbours)).
-    fn add_hits(
-        &self,
-        at: Point2<f64>,
-        neighbours: &mut Vec<Neighbour>,
-    ) -> Option<SiteId> {
+    fn add_hits(&self, at: Point2<f64>, neighbours: &mut Vec<Neighbour>) -> Option<SiteId> {
         // Nothing but reads, so that the processor waits for all of them at once.
         let ranks = self.hits.iter().map(|h| self.index.rank_at(h.slot));
         std::hint::black_box(ranks.fold(0, |sum, rank| sum ^ rank.targets));

@@ -273,7 +273,7 @@ impl SiteIndex {
     fn put_in_order(&mut self) {
         self.ordered = self.slots.len();
         // Room for what is added until the next time.
-        let room = |len: usize| len + len / 3;
+        let room = |len: usize| len + len * 2 / 3; // buckets fill, and are split, in waves
         let mut branches = Vec::with_capacity(room(self.branches.len()));
         let mut buckets: Vec<Bucket> = Vec::with_capacity(room(self.buckets.len()));
         branches.push(self.branches[0]);

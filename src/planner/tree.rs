@@ -19,6 +19,7 @@ use nalgebra::Point2;
 
 use super::sampler::leads::Leads;
 use super::split::{Began, Clock, Split};
+use crate::alphabet::Letter;
 use crate::automaton::{Nba, StateId};
 use crate::plan::Waypoint;
 use crate::system::{Spot, TransitionSystem};
@@ -46,15 +47,18 @@ pub struct SiteId(pub(crate) u32);
 /// Links of the intrusive child lists: no node.
 const NONE: u32 = u32::MAX;
 
+/// From so many places on the sites near a drawn point are asked for at once: the nearest is one of them, and the
+/// tree will hardly be grown to another point than this.
+const LARGE: usize = 256;
+
 /// Improvements below this share of a cost are rounding, not progress.
 const IMPROVEMENT: f64 = 1e-12;
 
 #[derive(Clone, Debug)]
+#[repr(align(32))] // never in two cache lines
 struct Node {
     /// The length of the path to it.
     cost: f64,
-    /// By how much the paths to its children got shorter that they do not know of yet.
-    owed: f64,
     site: SiteId,
     state: StateId,
     parent: u32,
@@ -65,23 +69,38 @@ struct Node {
 
 /// A place.
 #[derive(Clone, Copy, Debug)]
+#[repr(align(32))] // never in two cache lines
 struct Site {
-    spot: Spot,
+    at: Point2<f64>,
+    letter: Letter,
     /// Where its nodes stand in [`Tree::here`], how many they are, and how many fit there.
     first: u32,
     len: u32,
     room: u32,
 }
 
+impl Site {
+    fn spot(&self) -> Spot {
+        Spot {
+            at: self.at,
+            letter: self.letter,
+        }
+    }
+}
+
 /// A tree of product states with least-cost paths from its root.
 #[derive(Clone)]
 pub struct Tree<'a> {
     system: &'a dyn TransitionSystem,
+    /// Whether it has finitely many places.
+    finite: bool,
     nba: &'a Nba,
     /// What `nba` does on each letter.
     steps: Arc<Steps>,
     sites: Vec<Site>,
     nodes: Vec<Node>,
+    /// For each node by how much the paths to its children got shorter that they do not know of yet.
+    owed: Vec<f64>,
     /// For each site its nodes by ascending automaton state, with room to grow. A site that needs
     /// more moves to the end; what it leaves behind is lost, but never more than is in use.
     here: Vec<(StateId, NodeId)>,
@@ -98,6 +117,8 @@ pub struct Tree<'a> {
     leads: RefCell<Leads>,
     // Buffers that are kept between calls, so that growing allocates nothing.
     hits: Vec<Hit>,
+    /// What `hits` answers, until a site is added.
+    asked: Option<(Point2<f64>, Near)>,
     neighbours: Vec<Neighbour>,
     tried: Vec<SiteId>,
     /// Places one move away, in systems of finitely many places.
@@ -147,12 +168,15 @@ impl<'a> Tree<'a> {
         root: Spot,
         states: &[StateId],
     ) -> Self {
+        let mut moves = Vec::new();
         let mut tree = Self {
             system,
+            finite: system.neighbours(&root, &mut moves),
             nba,
             steps,
             sites: Vec::new(),
             nodes: Vec::new(),
+            owed: Vec::new(),
             here: Vec::new(),
             index: SiteIndex::default(),
             by_state: vec![Vec::new(); nba.len()],
@@ -161,9 +185,10 @@ impl<'a> Tree<'a> {
             clock: Clock::default(),
             leads: RefCell::default(),
             hits: Vec::new(),
+            asked: None,
             neighbours: Vec::new(),
             tried: Vec::new(),
-            moves: Vec::new(),
+            moves,
             ways: Ways::new(nba.len()),
             owing: VecDeque::new(),
             allowance: usize::MAX,
@@ -198,7 +223,7 @@ impl<'a> Tree<'a> {
     /// The root's place.
     #[must_use]
     pub fn root(&self) -> Spot {
-        self.sites[0].spot
+        self.sites[0].spot()
     }
 
     /// The nodes in automaton state `state`, in the order they were added.
@@ -210,7 +235,7 @@ impl<'a> Tree<'a> {
     /// The place of a node.
     #[must_use]
     pub fn spot(&self, node: NodeId) -> Spot {
-        self.sites[self.nodes[node.index()].site.0 as usize].spot
+        self.site_spot(self.nodes[node.index()].site)
     }
 
     /// The automaton state of a node.
@@ -231,9 +256,8 @@ impl<'a> Tree<'a> {
         let mut length = self.cost(node);
         let mut next = self.nodes[node.index()].parent;
         while next != NONE {
-            let ancestor = &self.nodes[next as usize];
-            length -= ancestor.owed;
-            next = ancestor.parent;
+            length -= self.owed[next as usize];
+            next = self.nodes[next as usize].parent;
         }
         length
     }
@@ -254,7 +278,7 @@ impl<'a> Tree<'a> {
     pub fn edges(&self) -> impl Iterator<Item = (Point2<f64>, Point2<f64>)> + '_ {
         self.nodes.iter().filter_map(|n| {
             let parent = self.nodes.get(n.parent as usize)?;
-            let at = |site: SiteId| self.sites[site.0 as usize].spot.at;
+            let at = |site: SiteId| self.sites[site.0 as usize].at;
             (parent.site != n.site).then(|| (at(parent.site), at(n.site)))
         })
     }
@@ -292,9 +316,33 @@ impl<'a> Tree<'a> {
         self.index.nearest(p).unwrap_or(SiteId(0))
     }
 
+    /// As [`Self::nearest`]; what is `near` is likely to be asked for by [`Self::extend`] next.
+    pub(crate) fn nearest_of(&mut self, p: Point2<f64>, near: Near) -> SiteId {
+        if self.finite || self.sites.len() < LARGE {
+            return self.nearest(p);
+        }
+        let began = self.clock.start();
+        self.ask(p, near);
+        self.clock.stop(began, |s| &mut s.near);
+        let Some(first) = self.hits.iter().min() else {
+            return self.nearest(p);
+        };
+        let ties = self.hits.iter().filter(|h| h.square() == first.square());
+        let sites = ties.map(|h| self.index.rank_at(h.slot).site);
+        sites.min().unwrap_or(SiteId(0))
+    }
+
+    /// Looks for the sites `near` a place, unless that is what was asked last.
+    fn ask(&mut self, at: Point2<f64>, near: Near) {
+        if self.asked != Some((at, near)) {
+            self.index.near(at, near, &mut self.hits);
+            self.asked = Some((at, near));
+        }
+    }
+
     /// The place of a site.
     pub(crate) fn site_spot(&self, site: SiteId) -> Spot {
-        self.sites[site.0 as usize].spot
+        self.sites[site.0 as usize].spot()
     }
 
     /// The site of a node.
@@ -328,7 +376,7 @@ impl<'a> Tree<'a> {
         self.clock.start()
     }
 
-    /// A point was drawn and it was found where the tree grows towards it from.
+    /// A point was drawn.
     pub(crate) fn sampled(&mut self, began: Began) {
         self.clock.stop(began, |s| &mut s.sample);
     }
@@ -446,8 +494,10 @@ impl<'a> Tree<'a> {
 
     /// Adds a place that the tree does not hold.
     fn add_site(&mut self, spot: Spot) -> SiteId {
+        self.asked = None;
         self.sites.push(Site {
-            spot,
+            at: spot.at,
+            letter: spot.letter,
             first: self.here.len() as u32,
             len: 0,
             room: 0,
@@ -459,7 +509,6 @@ impl<'a> Tree<'a> {
         let id = NodeId(self.nodes.len() as u32);
         self.nodes.push(Node {
             cost,
-            owed: 0.0,
             site,
             state,
             parent: NONE,
@@ -467,13 +516,16 @@ impl<'a> Tree<'a> {
             next_sibling: NONE,
             previous_sibling: NONE,
         });
+        self.owed.push(0.0);
         self.list_node(site, state, id);
         let letter = self.site_spot(site).letter;
         let targets = self
             .steps
             .range(letter, state)
             .fold(0, |set, k| set | bit(self.steps.target(k)));
+        let alone = self.sites[site.0 as usize].len == 1;
         let rank = self.index.rank_mut(site);
+        rank.only = if alone { id.0 } else { NONE };
         rank.least = rank.least.min(cost);
         rank.most = rank.most.max(cost);
         rank.targets |= targets;

@@ -31,11 +31,13 @@ pub(super) fn grow(
     let Some(Draw { at, closest }) = sampler.draw(&view, random) else {
         return false;
     };
+    tree.sampled(began);
+    let side = problem.system.bounds().side();
+    let near = settings.near(tree.site_count(), side);
     let anchor = match closest {
         Some(node) => tree.site_of(node),
-        None => tree.nearest(at),
+        None => tree.nearest_of(at, near),
     };
-    let side = problem.system.bounds().side();
     let at = match settings.range {
         Some(range) => steer(tree.site_spot(anchor).at, at, range * side),
         None => at,
@@ -46,8 +48,6 @@ pub(super) fn grow(
     let Some(spot) = problem.system.settle(at) else {
         return false;
     };
-    let near = settings.near(tree.site_count(), side);
-    tree.sampled(began);
     tree.extend(spot, near, &[anchor]).is_some()
 }
 
@@ -61,8 +61,8 @@ pub(super) fn grow_to(
     let Some(spot) = problem.system.settle(at) else {
         return false;
     };
-    let anchor = tree.nearest(at);
     let near = settings.near(tree.site_count(), problem.system.bounds().side());
+    let anchor = tree.nearest_of(at, near);
     tree.extend(spot, near, &[anchor]).is_some()
 }
 

@@ -3,9 +3,10 @@
 use nalgebra::Point2;
 
 use super::index::Rank;
-use super::near::{Hit, Near};
+use super::near::Near;
 use super::ways::{Way, Ways};
-use super::{SiteId, Tree, bit, improves};
+use super::{NONE, NodeId, SiteId, Tree, bit, improves};
+use crate::automaton::StateId;
 use crate::system::Spot;
 
 /// So many neighbours are found by looking for the cheapest way in; if more are needed, the rest is
@@ -22,6 +23,8 @@ pub(super) struct Neighbour {
     /// What was known of its nodes when it was found: the greatest cost, and the states that can follow.
     most: f64,
     targets: u64,
+    /// Its node, if it has one and no more.
+    only: u32,
     /// Whether a move is possible, once that was asked.
     pub(super) visible: Option<bool>,
 }
@@ -34,6 +37,7 @@ impl Neighbour {
             bound: rank.least + distance,
             most: rank.most,
             targets: rank.targets,
+            only: rank.only,
             visible: None,
         }
     }
@@ -135,19 +139,17 @@ impl Tree<'_> {
         neighbours: &mut Vec<Neighbour>,
     ) -> Option<SiteId> {
         neighbours.clear();
-        let mut hits = std::mem::take(&mut self.hits);
-        self.index.near(spot.at, near, &mut hits);
-        let known = self.add_hits(spot.at, &hits, neighbours);
+        self.ask(spot.at, near);
+        let known = self.add_hits(spot.at, neighbours);
         for &site in also {
             if known != Some(site) && !neighbours.iter().any(|n| n.site == site) {
                 let distance = self
                     .system
-                    .distance(self.sites[site.0 as usize].spot.at, spot.at);
+                    .distance(self.sites[site.0 as usize].at, spot.at);
                 let rank = self.index.rank(site);
                 neighbours.push(Neighbour::new(distance, rank));
             }
         }
-        self.hits = hits;
         known
     }
 
@@ -162,32 +164,29 @@ impl Tree<'_> {
         tried.clear();
         tried.extend(neighbours.iter().map(|n| n.site));
         tried.sort_unstable();
-        let mut hits = std::mem::take(&mut self.hits);
         let near = Near {
             count: near.more,
             ..near
         };
-        self.index.near(spot.at, near, &mut hits);
+        self.ask(spot.at, near);
         neighbours.clear();
-        let known = self.add_hits(spot.at, &hits, neighbours);
+        let known = self.add_hits(spot.at, neighbours);
         neighbours.retain(|n| tried.binary_search(&n.site).is_err());
-        (self.hits, self.tried) = (hits, tried);
+        self.tried = tried;
         known
     }
 
-    /// Appends hits, but not the place itself, which is returned. Where the index is asked, lengths are
+    /// Appends the hits, but not the place itself, which is returned. Where the index is asked, lengths are
     /// Euclidean ([`neighbours`](crate::system::TransitionSystem::neighbours)).
-    fn add_hits(
-        &self,
-        at: Point2<f64>,
-        hits: &[Hit],
-        neighbours: &mut Vec<Neighbour>,
-    ) -> Option<SiteId> {
+    fn add_hits(&self, at: Point2<f64>, neighbours: &mut Vec<Neighbour>) -> Option<SiteId> {
+        // Nothing but reads, so that the processor waits for all of them at once.
+        let ranks = self.hits.iter().map(|h| self.index.rank_at(h.slot));
+        std::hint::black_box(ranks.fold(0, |sum, rank| sum ^ rank.targets));
         let mut known = None;
-        for hit in hits {
+        for hit in &self.hits {
             let distance = hit.square().sqrt();
             let rank = self.index.rank_at(hit.slot);
-            if distance > 0.0 || self.sites[rank.site.0 as usize].spot.at != at {
+            if distance > 0.0 || self.sites[rank.site.0 as usize].at != at {
                 neighbours.push(Neighbour::new(distance, rank));
             } else {
                 known = Some(rank.site);
@@ -234,9 +233,9 @@ impl Tree<'_> {
         ways: &mut Ways,
         reach: &mut Reach,
     ) {
-        let letter = self.sites[neighbour.site.0 as usize].spot.letter;
-        for i in 0..self.at_site(neighbour.site).len() {
-            let (state, node) = self.at_site(neighbour.site)[i];
+        let letter = self.sites[neighbour.site.0 as usize].letter;
+        for i in 0..self.count_at(neighbour) {
+            let (state, node) = self.nth_at(neighbour, i);
             let cost = self.cost(node) + neighbour.distance;
             if cost >= self.limit {
                 continue;
@@ -283,8 +282,8 @@ impl Tree<'_> {
     /// Reroutes the nodes of one neighbour.
     fn reroute(&mut self, spot: &Spot, neighbour: &mut Neighbour, ways: &Ways) {
         let mut improved = false;
-        for i in 0..self.at_site(neighbour.site).len() {
-            let (state, old) = self.at_site(neighbour.site)[i];
+        for i in 0..self.count_at(neighbour) {
+            let (state, old) = self.nth_at(neighbour, i);
             let way = ways.into[state.index()];
             if way.cost == f64::INFINITY {
                 continue;
@@ -304,9 +303,30 @@ impl Tree<'_> {
         if improved {
             self.settle(neighbour.site);
         }
+        if neighbour.only != NONE {
+            return; // what was known of it is right
+        }
         let costs = self.at_site(neighbour.site).iter();
         let most = costs.map(|&(_, n)| self.cost(n)).fold(0.0, f64::max);
         self.index.rank_mut(neighbour.site).most = most;
+    }
+
+    /// How many nodes there are at a neighbour.
+    #[inline]
+    fn count_at(&self, neighbour: &Neighbour) -> usize {
+        match neighbour.only {
+            NONE => self.at_site(neighbour.site).len(),
+            _ => 1,
+        }
+    }
+
+    /// One of them. Most sites have one node alone, which is found without reading the site's list.
+    #[inline]
+    fn nth_at(&self, neighbour: &Neighbour, i: usize) -> (StateId, NodeId) {
+        match neighbour.only {
+            NONE => self.at_site(neighbour.site)[i],
+            only => (self.nodes[only as usize].state, NodeId(only)),
+        }
     }
 
     pub(super) fn is_visible(&mut self, neighbour: &mut Neighbour, spot: &Spot) -> bool {

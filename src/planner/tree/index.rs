@@ -12,7 +12,7 @@
 
 use nalgebra::Point2;
 
-use super::SiteId;
+use super::{NONE, SiteId};
 
 /// Sites of a leaf. Scanning this many costs about as much as two steps down the tree.
 pub(super) const BUCKET: usize = 16;
@@ -30,6 +30,8 @@ pub(super) struct Rank {
     /// The states that can follow its nodes, each as bit number `state mod 64`.
     pub(super) targets: u64,
     pub(super) site: SiteId,
+    /// Its node, if it has one and no more.
+    pub(super) only: u32,
 }
 
 impl Rank {
@@ -40,6 +42,18 @@ impl Rank {
             most: 0.0,
             targets: 0,
             site,
+            only: NONE,
+        }
+    }
+}
+
+impl Rank {
+    /// One of its nodes costs less than before.
+    #[inline]
+    pub(super) fn lower(&mut self, cost: f64) {
+        self.least = self.least.min(cost);
+        if self.only != NONE {
+            self.most = cost;
         }
     }
 }
@@ -138,6 +152,13 @@ impl Bucket {
             *square = x * x + y * y;
         }
         squares
+    }
+
+    /// A number that takes reading all cache lines of the places.
+    #[inline]
+    pub(super) fn touch(&self) -> u64 {
+        let lines = self.places.iter().flat_map(|axis| axis.iter().step_by(8));
+        lines.fold(0, |sum, x| sum ^ x.to_bits())
     }
 
     fn place(&self, i: usize) -> [f64; 2] {
@@ -252,7 +273,7 @@ impl SiteIndex {
     fn put_in_order(&mut self) {
         self.ordered = self.slots.len();
         // Room for what is added until the next time.
-        let room = |len: usize| len + len / 3;
+        let room = |len: usize| len + len * 2 / 3; // buckets fill, and are split, in waves
         let mut branches = Vec::with_capacity(room(self.branches.len()));
         let mut buckets: Vec<Bucket> = Vec::with_capacity(room(self.buckets.len()));
         branches.push(self.branches[0]);

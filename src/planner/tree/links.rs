@@ -17,8 +17,7 @@ impl Tree<'_> {
         self.save(node, saving);
         let n = &mut self.nodes[node.index()];
         n.cost = cost; // not off by rounding
-        let rank = self.index.rank_mut(n.site);
-        rank.least = rank.least.min(cost);
+        self.index.rank_mut(n.site).lower(cost);
     }
 
     /// Passes on what nodes owe to their children, and so on, for as many of them as
@@ -36,7 +35,7 @@ impl Tree<'_> {
 
     /// Pays the children of a node what it owes them, and says how many they are.
     fn pay(&mut self, node: NodeId) -> usize {
-        let saving = std::mem::take(&mut self.nodes[node.index()].owed);
+        let saving = std::mem::take(&mut self.owed[node.index()]);
         let mut paid = 0;
         if saving > 0.0 {
             let mut child = self.nodes[node.index()].first_child;
@@ -54,18 +53,18 @@ impl Tree<'_> {
         let n = &mut self.nodes[node.index()];
         n.cost -= saving;
         if n.first_child != NONE {
-            if n.owed == 0.0 {
+            let owed = &mut self.owed[node.index()];
+            if *owed == 0.0 {
                 self.owing.push_back(node);
             }
-            n.owed += saving;
+            *owed += saving;
         }
-        let rank = self.index.rank_mut(n.site);
-        rank.least = rank.least.min(n.cost);
+        self.index.rank_mut(n.site).lower(n.cost);
         self.touched.push(node);
     }
 
     pub(super) fn link(&mut self, node: NodeId, parent: u32) {
-        if self.nodes[parent as usize].owed > 0.0 {
+        if self.owed[parent as usize] > 0.0 {
             self.pay(NodeId(parent)); // the new child knows of it already
         }
         let first = self.nodes[parent as usize].first_child;

@@ -207,6 +207,10 @@ impl Found<'_> {
 
     /// Takes the sites of the waiting buckets that are near enough.
     fn read(&mut self) {
+        // Nothing but reads, so that the processor waits for all of them at once.
+        let waiting = self.waiting[..self.waits].iter();
+        let buckets = waiting.map(|w| &self.index.buckets[w.0 as usize]);
+        std::hint::black_box(buckets.fold(0, |sum, bucket| sum ^ bucket.touch()));
         for &(bucket, len) in &self.waiting[..self.waits] {
             let squares = self.index.buckets[bucket as usize].squares(self.p);
             // Whether a site is near enough cannot be foreseen: no branch depends on it.

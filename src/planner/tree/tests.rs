@@ -18,6 +18,9 @@ impl Tree<'_> {
             assert!(rank.least <= node.cost && node.cost <= rank.most);
             let here = &self.sites[node.site.0 as usize];
             let nodes = self.at_site(node.site);
+            let only = if nodes.len() == 1 { i as u32 } else { NONE };
+            assert_eq!(rank.only, only);
+            assert!(only == NONE || rank.most == node.cost);
             assert!(nodes.is_sorted_by_key(|&(q, _)| q));
             let same = nodes.iter().filter(|(q, _)| *q == node.state);
             assert_eq!(same.map(|&(_, n)| n.0).collect::<Vec<_>>(), [i as u32]);
@@ -26,10 +29,11 @@ impl Tree<'_> {
                 assert_eq!(node.cost, 0.0, "only roots have no parent");
                 continue;
             };
-            let from = self.sites[parent.site.0 as usize].spot;
-            let length = system.distance(from.at, here.spot.at);
-            assert!((parent.cost + parent.owed + length - node.cost).abs() < 1e-9);
-            assert!(parent.site == node.site || system.step(&from, &here.spot));
+            let from = self.site_spot(parent.site);
+            let owed = self.owed[node.parent as usize];
+            let length = system.distance(from.at, here.at);
+            assert!((parent.cost + owed + length - node.cost).abs() < 1e-9);
+            assert!(parent.site == node.site || system.step(&from, &here.spot()));
             let guard = nba
                 .guard(parent.state, node.state)
                 .expect("an automaton step");
@@ -44,7 +48,7 @@ impl Tree<'_> {
         let mut places: Vec<_> = self
             .sites
             .iter()
-            .map(|s| (s.spot.at.x.to_bits(), s.spot.at.y.to_bits()))
+            .map(|s| (s.at.x.to_bits(), s.at.y.to_bits()))
             .collect();
         places.sort_unstable();
         places.dedup();

@@ -70,8 +70,8 @@ impl Guidance {
 }
 
 fn quantise(value: f32) -> f32 {
-    // The cast saturates, and takes NaN to 0.
-    f32::from((value * 65535.0).round() as u16) / 65535.0
+    // The cast cuts off, saturates, and takes NaN to 0. (Rounding is a call where the target has no instruction for it.)
+    f32::from((value * 65535.0 + 0.5) as u16) / 65535.0
 }
 
 #[cfg(test)]

@@ -142,7 +142,9 @@ fn in_corner(
     let side = view.system.bounds().side();
     let mut last = None;
     let mut best: Option<(f64, Point2<f64>)> = None;
-    for _ in 0..CORNER_TRIES {
+    for k in 0..CORNER_TRIES {
+        // Every second point is free of the heatmap: where that is wrong, a gap must not take hundreds of samples.
+        let guide = guide.filter(|_| k % 2 == 0);
         let margin = view.settings.corner * side * libm::exp2(-SIZES * unit(random));
         let at = in_rectangle(guide, view, corner, corner, margin, random)?;
         last = Some(at);

@@ -89,12 +89,12 @@ impl HeatmapSums {
         }
         let row = side + 1;
         let mut sums = vec![0; row * row];
-        for i in 0..side {
-            for j in 0..side {
-                let v = heatmap.values[i * side + j].clamp(0.0, 1.0);
-                let weight = (v * 65_535.0).round() as u64;
-                sums[(i + 1) * row + j + 1] =
-                    weight + sums[i * row + j + 1] + sums[(i + 1) * row + j] - sums[i * row + j];
+        for (i, values) in heatmap.values.chunks_exact(side).enumerate() {
+            let (above, below) = sums[i * row..].split_at_mut(row);
+            let mut along = 0;
+            for ((sum, above), v) in below[1..].iter_mut().zip(&above[1..]).zip(values) {
+                along += u64::from((v * 65_535.0 + 0.5) as u16); // saturates
+                *sum = above + along;
             }
         }
         Ok(Self { side, sums })

@@ -3,6 +3,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use nngtl::alphabet::Props;
@@ -13,6 +14,7 @@ use nngtl::dataset::{
     read_shard,
 };
 use nngtl::ltl::semantics;
+use nngtl::system::{Continuous, Ways};
 use tempfile::TempDir;
 
 fn config(out: &Path) -> GenerateConfig {
@@ -364,6 +366,43 @@ fn what_is_read_back_is_what_the_program_makes_of_the_formula() {
 }
 
 /// Coordinates are rounded: plans that hug borders would nearly all be lost, and their missions with them.
+/// Training reads lengths of ways from the data set, planning takes them from the map: they are the same.
+#[test]
+fn the_ways_that_are_written_are_those_that_networks_are_asked_with() {
+    let (folder, _) = fresh();
+    let manifest = read_manifest(folder.path()).unwrap();
+    let mut compared = 0;
+    for shard in &manifest.shards {
+        for map in read_shard(folder.path(), shard).unwrap() {
+            let workspace = map.workspace().unwrap();
+            for mission in &map.missions {
+                let start = point(mission.start);
+                let system = Continuous::new(Arc::clone(&workspace), start).unwrap();
+                let used: Vec<Option<usize>> = mission.order.iter().copied().map(Some).collect();
+                let ways = Ways::new(&system, start, &used);
+                let written = |a: usize, b: usize| {
+                    let (from, to) = (mission.order.get(a), mission.order.get(b));
+                    match (from, to) {
+                        (Some(&a), Some(&b)) => map.ways[a.max(b)][a.min(b)],
+                        (Some(&k), None) | (None, Some(&k)) => mission.ways[k],
+                        (None, None) => 0.0,
+                    }
+                };
+                for a in 0..=used.len() {
+                    for (b, &length) in ways.from(a).iter().enumerate() {
+                        assert!(
+                            (length - written(a, b)).abs() < 6e-5,
+                            "{a} to {b}: {length}"
+                        );
+                        compared += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert!(compared > 100);
+}
+
 #[test]
 fn few_missions_are_lost_by_rounding() {
     let folder = TempDir::new().unwrap();

@@ -271,3 +271,32 @@ fn a_model_can_be_shown() {
             .contains("squeeze.weight")
     );
 }
+
+#[test]
+fn a_network_that_reads_ways_is_given_them_or_refuses() {
+    let files = [file("pathnet-paint"), file("statenet-ways")];
+    let files = [
+        ("path", files[0].as_slice()),
+        ("state", files[1].as_slice()),
+    ];
+    let mut one = Predictor::from_bytes(files, DeviceChoice::Cpu).unwrap();
+    assert_eq!(one.read_ways(), [false, true]);
+    let mission = Mission::new("F (a & F b) & G !c");
+    let error = one.predict(&mission.map(), &mission.graph).unwrap_err();
+    assert!(matches!(error, PredictError::Inconsistent(why) if why.contains("ways")));
+    let mut with = |lengths: [f64; 16]| {
+        let ways = lengths.to_vec();
+        let map = MapInput {
+            ways,
+            ..mission.map()
+        };
+        one.predict(&map, &mission.graph).map(|found| found.0)
+    };
+    let near = with([0.3; 16]).unwrap();
+    // Ways that lead nowhere are as long as the longest, and what is farther makes a difference.
+    let nowhere = with([f64::INFINITY; 16]).unwrap();
+    assert_eq!(nowhere, with([1e9; 16]).unwrap());
+    assert_ne!(near.states, nowhere.states);
+    assert_eq!(near.heatmap, nowhere.heatmap);
+    assert!(with([f64::NAN; 16]).is_err());
+}

@@ -341,7 +341,8 @@ fn check(config: &Config, map: &MapInput<'_>, graph: &AutomatonGraph) -> Result<
         return Err(PredictError::Inconsistent(reason));
     }
     if reads_ways && map.ways.len() != (used + 1) * (used + 1) {
-        let reason = "the lengths of ways are not those between the regions and the start";
+        let reason =
+            "the lengths of ways are missing, or not those between the regions and the start";
         return Err(PredictError::Inconsistent(reason));
     }
     if map.ways.iter().any(|length| length.is_nan()) {

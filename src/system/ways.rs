@@ -102,3 +102,61 @@ fn largest(system: &dyn TransitionSystem, region: usize) -> Option<Landmark> {
         .copied()
         .reduce(|best, l| if l.area > best.area { l } else { best })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::system::Continuous;
+    use crate::workspace::{Bounds, Polygon, Region, Workspace};
+
+    fn rectangle(low: [f64; 2], high: [f64; 2]) -> Polygon {
+        let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
+        Polygon::new(corners.map(|[x, y]| Point2::new(x, y)).to_vec()).unwrap()
+    }
+
+    /// Regions a and b on both sides of a wall that ends at a height of 0.8, c walled in.
+    fn world() -> Continuous {
+        let obstacles = vec![
+            rectangle([0.45, 0.0], [0.55, 0.8]),
+            rectangle([0.7, 0.7], [0.95, 0.75]),
+            rectangle([0.7, 0.9], [0.95, 0.95]),
+            rectangle([0.7, 0.75], [0.75, 0.9]),
+            rectangle([0.9, 0.75], [0.95, 0.9]),
+        ];
+        let region = |name: &str, low, high| Region {
+            name: name.to_owned(),
+            polygon: rectangle(low, high),
+        };
+        let regions = vec![
+            region("a", [0.2, 0.1], [0.3, 0.2]),
+            region("b", [0.7, 0.1], [0.8, 0.2]),
+            region("c", [0.8, 0.8], [0.85, 0.85]),
+        ];
+        let map = Workspace::new(Bounds::unit(), obstacles, regions).unwrap();
+        Continuous::new(Arc::new(map), Point2::new(0.1, 0.9)).unwrap()
+    }
+
+    #[test]
+    fn ways_go_around_walls_and_end_where_none_leads() {
+        let system = world();
+        let start = system.start().at;
+        let ways = Ways::new(&system, start, &[Some(1), None, Some(0), Some(2)]);
+        let place = |p: usize| largest(&system, p).unwrap().at;
+        let (a, b) = (place(0), place(1));
+        let corners = [Point2::new(0.45, 0.8), Point2::new(0.55, 0.8)];
+        let around = (corners[0] - a).norm() + 0.1 + (b - corners[1]).norm();
+        assert!((ways.from(0)[2] - around).abs() < 1e-9, "{ways:?}");
+        assert_eq!(ways.from(0)[2], ways.from(2)[0]);
+        assert!((ways.from(2)[4] - (a - start).norm()).abs() < 1e-9);
+        assert!((ways.from(0)[0] - (0.01_f64 / std::f64::consts::PI).sqrt()).abs() < 1e-9);
+        assert_eq!(ways.from(4)[4], 0.0);
+        for (other, &length) in ways.from(3).iter().enumerate() {
+            assert!(length.is_infinite(), "from c to {other}");
+            assert!(ways.from(1)[other].is_infinite());
+        }
+        let from_start = Ways::from_start(&system, start, &[Some(1), None, Some(0), Some(2)]);
+        assert_eq!(from_start, ways.from(4)[..4]);
+    }
+}

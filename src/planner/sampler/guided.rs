@@ -143,8 +143,9 @@ fn in_corner(
     let mut last = None;
     let mut best: Option<(f64, Point2<f64>)> = None;
     for k in 0..CORNER_TRIES {
-        // Every second point is free of the heatmap: where that is wrong, a gap must not take hundreds of samples.
-        let guide = guide.filter(|_| k % 2 == 0);
+        // Until there is a plan every second point is free of the heatmap: where that is wrong, a gap must not take hundreds of
+        // samples.
+        let guide = guide.filter(|_| k % 2 == 0 || view.is_improving());
         let margin = view.settings.corner * side * libm::exp2(-SIZES * unit(random));
         let at = in_rectangle(guide, view, corner, corner, margin, random)?;
         last = Some(at);

@@ -34,7 +34,7 @@ impl<'a> Preference<'a> {
     /// What this choice follows, if it is one that follows the prediction.
     fn drawn(&self, random: &mut Random) -> Option<impl Fn(StateId) -> f64 + use<'a>> {
         let (p, least) = (self.predicted?, self.least);
-        chance(random, self.alpha).then(|| move |q: StateId| p[q.index()].max(least))
+        chance(random, self.alpha).then_some(move |q: StateId| p[q.index()].max(least))
     }
 
     /// Draws one of `states`: by prediction with probability α, otherwise uniformly.

@@ -9,10 +9,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use nngtl::alphabet::Props;
 use nngtl::dataset::maps::Family;
 use nngtl::dataset::{
-    AutomatonRecord, GenerateConfig, GenerateError, LabelledMission, MANIFEST, Manifest,
+    AutomatonRecord, Expert, GenerateConfig, GenerateError, LabelledMission, MANIFEST, Manifest,
     MergeError, Outcome, Pair, ReadError, generate, labelled_missions, merge, point, read_manifest,
     read_shard,
 };
+use nngtl::exact;
 use nngtl::ltl::semantics;
 use nngtl::system::{Continuous, Ways};
 use tempfile::TempDir;
@@ -401,6 +402,48 @@ fn the_ways_that_are_written_are_those_that_networks_are_asked_with() {
         }
     }
     assert!(compared > 100);
+}
+
+/// The paper's expert needs many samples and finds plans that are no better than the exact planner's, but for rounding.
+#[test]
+fn the_papers_expert_plans_the_same_kind_of_missions() {
+    let make = |expert, threads| {
+        let folder = TempDir::new().unwrap();
+        let config = GenerateConfig {
+            expert,
+            threads,
+            to: 4,
+            ..config(folder.path())
+        };
+        run(&config);
+        (folder, config)
+    };
+    let sampled = Expert::TlRrtStar { iterations: 1000 };
+    let (folder, config) = make(sampled, 2);
+    let (again, _) = make(sampled, 1);
+    assert_eq!(contents(folder.path()), contents(again.path()));
+    let mut worse = 0;
+    for mission in labelled_missions(folder.path()).unwrap() {
+        let mission = mission.unwrap();
+        assert!(
+            mission
+                .record
+                .visited
+                .contains(&mission.record.automaton.initial[0])
+                || mission.record.automaton.initial.len() > 1
+        );
+        let best = exact::plan(&mission.workspace, mission.start, &mission.task, 0.2).unwrap();
+        assert!(mission.record.cost > 0.97 * best.cost.total - 1e-3);
+        worse += usize::from(mission.record.cost > 1.001 * best.cost.total);
+    }
+    assert!(worse > 0, "without shortening, sampled plans are longer");
+    // Missions by other experts never mix.
+    let other = GenerateConfig {
+        expert: Expert::Exact,
+        ..config
+    };
+    let mixed = generate(&other, &|_| {}, &AtomicBool::new(false));
+    assert!(mixed.is_err(), "{mixed:?}");
 }
 
 #[test]

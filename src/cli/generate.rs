@@ -4,15 +4,23 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::args::{GenerateArgs, MergeArgs};
+use super::args::{ExpertName, GenerateArgs, MergeArgs};
 use super::console::Console;
 use super::failure::{Failure, JSON_VERSION};
-use crate::dataset::{GenerateConfig, GenerateError, MANIFEST, Manifest, Outcome, generate, merge};
+use crate::dataset::{
+    Expert, GenerateConfig, GenerateError, MANIFEST, Manifest, Outcome, generate, merge,
+};
 
 pub(super) fn run(args: &GenerateArgs, console: &Console) -> Result<(), Failure> {
     let usual = GenerateConfig::new(&args.out, args.seed, args.missions);
     let config = GenerateConfig {
         threads: args.threads,
+        expert: match args.expert {
+            ExpertName::Exact => Expert::Exact,
+            ExpertName::TlRrtStar => Expert::TlRrtStar {
+                iterations: Expert::PAPER_ITERATIONS,
+            },
+        },
         families: if args.families.is_empty() {
             usual.families.clone()
         } else {

@@ -20,6 +20,24 @@ use crate::plan::write_atomically;
 /// The manifest's name in a data set's directory.
 pub const MANIFEST: &str = "manifest.json";
 
+/// Who plans the missions of a data set.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Expert {
+    /// The exact planner: milliseconds a mission.
+    #[default]
+    Exact,
+    /// Biased TL-RRT\* as in `nngtl.md`, IV-D (there 10,000 iterations): without shortening, y_rand 0.8.
+    TlRrtStar {
+        /// Samples of each search.
+        iterations: u64,
+    },
+}
+
+impl Expert {
+    /// Iterations of the paper's expert.
+    pub const PAPER_ITERATIONS: u64 = 10_000;
+}
+
 /// What to generate. Map `index` of a set depends on the fields `seed` to `min_length` and on
 /// `index` alone.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,6 +66,8 @@ pub struct GenerateConfig {
     pub max_states: usize,
     /// The prefix's share λ of the cost, in `[0, 1]`.
     pub weight: f64,
+    /// Who plans.
+    pub expert: Expert,
     /// Plans shorter than this, prefix and suffix together, in map units, are dropped.
     pub min_length: f64,
 }
@@ -73,6 +93,7 @@ impl GenerateConfig {
             random_share: 0.2,
             max_states: 60,
             weight: 0.2,
+            expert: Expert::Exact,
             min_length: 0.01,
         }
     }
@@ -125,7 +146,7 @@ impl GenerateConfig {
             .iter()
             .map(|&(family, weight)| (family.name().to_owned(), json!(weight)))
             .collect();
-        json!({
+        let mut settings = json!({
             "families": families,
             "missions_per_map": self.missions_per_map,
             "random_share": self.random_share,
@@ -133,7 +154,12 @@ impl GenerateConfig {
             "weight": self.weight,
             "min_length": self.min_length,
             "shard_maps": self.shard_maps,
-        })
+        });
+        // Sets by the usual expert are called as they were when there was no other.
+        if let Expert::TlRrtStar { iterations } = self.expert {
+            settings["expert"] = json!({ "name": "tl-rrt-star", "iterations": iterations });
+        }
+        settings
     }
 
     fn empty_manifest(&self) -> Manifest {

@@ -16,7 +16,7 @@ mod rooms;
 mod sample;
 mod shapes;
 
-pub use generate::{GenerateConfig, GenerateError, MANIFEST, Outcome, Progress, generate};
+pub use generate::{Expert, GenerateConfig, GenerateError, MANIFEST, Outcome, Progress, generate};
 pub use merge::{MergeError, merge};
 pub use read::{
     LabelledMission, ReadError, drawn_missions, missions as labelled_missions, read_manifest,

@@ -1,23 +1,26 @@
 //! One map with its missions: drawn, planned by the expert, filtered.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use nalgebra::Point2;
+use rand::RngExt;
 
-use super::GenerateConfig;
 use super::maps::{Family, draw_map, draw_start, round};
 use super::missions::{Pattern, draw_pattern, draw_tree};
 use super::record::{
     AutomatonRecord, Counts, MapRecord, MissionRecord, pair, rounded, to_millionth,
 };
+use super::{Expert, GenerateConfig};
 use crate::automaton::{Limits, Task, TaskError};
 use crate::encoding::region_order;
-use crate::exact::{ExactConfig, ExactPlan, Infeasible, Roadmap};
+use crate::exact::{ExactConfig, Infeasible, Roadmap};
 use crate::ltl::Formula;
 use crate::plan::{Path, Waypoint, length};
+use crate::planner::{self, PlanError, Problem, Sampler, Settings, Stop};
 use crate::random::{Random, chance, generator, weighted};
-use crate::system::{Continuous, Ways};
+use crate::system::{Continuous, TransitionSystem, Ways};
 use crate::verify::verify;
 use crate::workspace::Workspace;
 
@@ -63,12 +66,12 @@ pub(super) fn draw_sample(
             drop_for(&mut filtered, "map with unreachable regions");
             continue;
         }
-        let Ok(system) = Continuous::new(Arc::clone(&workspace), start) else {
+        let Ok(system) = Continuous::new(Arc::clone(&workspace), start).map(Arc::new) else {
             drop_for(&mut filtered, "unsound map");
             continue;
         };
         let regions: Vec<Option<usize>> = (0..map.regions.len()).map(Some).collect();
-        let ways = Ways::new(&system, start, &regions);
+        let ways = Ways::new(&*system, start, &regions);
         if (0..regions.len()).any(|k| ways.from(k).iter().any(|l| !l.is_finite())) {
             drop_for(&mut filtered, "map with unreachable regions");
             continue;
@@ -111,7 +114,7 @@ fn drop_for(filtered: &mut Counts, reason: &'static str) {
 /// What the missions of one map share.
 struct Draw<'a> {
     config: &'a GenerateConfig,
-    system: &'a Continuous,
+    system: &'a Arc<Continuous>,
     workspace: &'a Workspace,
     roadmap: &'a Roadmap<'a>,
 }
@@ -142,7 +145,10 @@ impl Draw<'_> {
             return Err("no region named");
         }
         let task = self.task(&formula)?;
-        let plan = self.plan(start, &task)?;
+        let plan = match self.config.expert {
+            Expert::Exact => self.plan(start, &task)?,
+            Expert::TlRrtStar { iterations } => self.sampled(start, &task, iterations, random)?,
+        };
         let path = self.rounded(&plan).ok_or("lost by rounding")?;
         if length(&path.prefix) + length(&path.suffix) < self.config.min_length {
             return Err("no motion needed");
@@ -152,7 +158,7 @@ impl Draw<'_> {
         let cost = checked.map_err(|_| "refused by the checker")?.cost.total;
         let points = |part: &[Waypoint]| part.iter().map(|w| pair(w.at)).collect();
         let regions: Vec<Option<usize>> = (0..regions).map(Some).collect();
-        let ways = Ways::from_start(self.system, start, &regions);
+        let ways = Ways::from_start(&**self.system, start, &regions);
         if ways.iter().any(|l| !l.is_finite()) {
             return Err("start apart from regions");
         }
@@ -165,7 +171,7 @@ impl Draw<'_> {
             order,
             prefix: points(&path.prefix),
             suffix: points(&path.suffix),
-            visited: plan.visited.iter().map(|q| q.0).collect(),
+            visited: visited(&plan),
             cost: to_millionth(cost),
         })
     }
@@ -184,9 +190,9 @@ impl Draw<'_> {
         Ok(task)
     }
 
-    fn plan(&self, start: Point2<f64>, task: &Task) -> Result<ExactPlan, &'static str> {
+    fn plan(&self, start: Point2<f64>, task: &Task) -> Result<Path, &'static str> {
         let plan = self.roadmap.plan(start, task, self.config.weight);
-        plan.map_err(|reason| match reason {
+        plan.map(|plan| plan.path).map_err(|reason| match reason {
             Infeasible::Unsatisfiable => "unsatisfiable",
             Infeasible::Stutter => "no run without stuttering",
             Infeasible::Start { .. } => "start not free",
@@ -195,8 +201,44 @@ impl Draw<'_> {
         })
     }
 
+    /// The paper's expert (`nngtl.md`, IV-D).
+    fn sampled(
+        &self,
+        start: Point2<f64>,
+        task: &Task,
+        iterations: u64,
+        random: &mut Random,
+    ) -> Result<Path, &'static str> {
+        let settings = Settings {
+            iterations,
+            seed: random.random(),
+            y_rand: 0.8,
+            shorten: false,
+            ..Settings::default()
+        };
+        let system: Arc<dyn TransitionSystem> = Arc::clone(self.system) as _;
+        let problem = Problem {
+            start: system.settle(start).ok_or("start not free")?,
+            system,
+            task: Arc::new(task.clone()),
+            weight: self.config.weight,
+        };
+        let (stop, mut unobserved) = (Stop::new(), |_| {});
+        match planner::plan(
+            &problem,
+            &Sampler::Biased,
+            &settings,
+            &stop,
+            &mut unobserved,
+        ) {
+            Ok(solution) => Ok(solution.path),
+            Err(PlanError::Unreachable(_)) => Err("unreachable on this map"),
+            Err(_) => Err("no plan within the expert's iterations"),
+        }
+    }
+
     /// The plan with its points on the grid, without waits, if the word stays the same there.
-    fn rounded(&self, plan: &ExactPlan) -> Option<Path> {
+    fn rounded(&self, plan: &Path) -> Option<Path> {
         let on_grid = |waypoints: &[Waypoint]| {
             let mut points: Vec<Waypoint> = Vec::with_capacity(waypoints.len());
             for w in waypoints {
@@ -212,10 +254,17 @@ impl Draw<'_> {
             points.windows(2).all(steps).then_some(points)
         };
         Some(Path {
-            prefix: on_grid(&plan.path.prefix)?,
-            suffix: on_grid(&plan.path.suffix)?,
+            prefix: on_grid(&plan.prefix)?,
+            suffix: on_grid(&plan.suffix)?,
         })
     }
+}
+
+/// The automaton states on a plan, ascending.
+fn visited(plan: &Path) -> Vec<u32> {
+    let all = plan.prefix.iter().chain(&plan.suffix);
+    let states: BTreeSet<u32> = all.map(|w| w.state.0).collect();
+    states.into_iter().collect()
 }
 
 /// Translates with limits that are far above what is kept, and without a clock: the data set must

@@ -364,7 +364,14 @@ pub(super) struct HeatmapArgs {
 
 /// List the devices that can run the networks
 #[derive(Args, Debug)]
-#[command(after_help = "Example:\n  nngtl devices")]
+#[command(after_help = "\
+Environment:
+  NNGTL_GPU_F16=on|off        Products in 16-bit floats wherever the adapter can, or nowhere
+  NNGTL_GPU_SUBGROUPS=on|off  Subgroup operations wherever the adapter can, or nowhere
+  NNGTL_KERNEL_CACHE=DIR|off  Where compiled kernels are kept
+
+Example:
+  nngtl devices")]
 pub(super) struct DevicesArgs {}
 
 /// Look at weight files
@@ -420,6 +427,9 @@ pub(super) struct GenerateArgs {
     /// [default: paper=0.55,clutter=0.25,rooms=0.2]
     #[arg(long, value_delimiter = ',', value_parser = family_weight, value_name = "NAME=WEIGHT,…")]
     pub(super) families: Vec<(Family, f64)>,
+    /// Who plans the missions
+    #[arg(long, value_enum, value_name = "NAME", default_value_t = ExpertName::Exact)]
+    pub(super) expert: ExpertName,
     /// Make one part of several alone, counted from 1, each in a folder of its own (a cluster's job array);
     /// `nngtl dataset merge` puts them together
     #[arg(long, value_name = "K/N", value_parser = part_of)]
@@ -427,6 +437,15 @@ pub(super) struct GenerateArgs {
     /// Threads to use, 0 for one per core
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) threads: usize,
+}
+
+/// Who plans the missions of a data set.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum ExpertName {
+    /// The exact planner: milliseconds a mission
+    Exact,
+    /// The paper's expert: 10,000 iterations of biased TL-RRT*, some tenths of a second a mission
+    TlRrtStar,
 }
 
 /// Put parts of a data set together

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use super::{DeviceName, GuidedArgs, NetworkArgs, family_weight};
+use super::dataset::family_weight;
+use super::{DeviceName, GuidedArgs, NetworkArgs};
 use crate::bench::COMPLEX_FROM;
 use crate::dataset::maps::Family;
 use crate::planner::Settings;

@@ -1,6 +1,8 @@
 //! What can be typed.
 
 mod bench;
+mod dataset;
+mod skills;
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -8,14 +10,17 @@ use std::time::Duration;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::automaton::Limits;
-use crate::dataset::maps::{Family, UnknownFamily};
 use crate::nn::DeviceChoice;
 use crate::planner::Settings;
-use crate::transfer::BuildSettings;
 
 pub(super) use bench::{
     BenchArgs, BenchCommand, BenchInferenceArgs, BenchMissionArgs, BenchTransferArgs, StrategyName,
     TransferTable,
+};
+
+pub(super) use dataset::{DatasetCommand, ExpertName, GenerateArgs, MergeArgs};
+pub(super) use skills::{
+    LibraryBuildArgs, LibraryCommand, LibraryMergeArgs, LibraryShowArgs, ReplanArgs, TransferArgs,
 };
 
 /// Plans robot missions given in temporal logic, guided by neural networks.
@@ -386,92 +391,6 @@ pub(super) enum ModelCommand {
     },
 }
 
-/// A family of maps, with its weight if that is not 1.
-fn family_weight(text: &str) -> Result<(Family, f64), String> {
-    let (name, weight) = text.split_once('=').unwrap_or((text, "1"));
-    let family: Family = name
-        .trim()
-        .parse()
-        .map_err(|e: UnknownFamily| e.to_string())?;
-    let expected = || format!("expected a weight from 0 up after `{name}=`, found `{weight}`");
-    let number: f64 = weight.trim().parse().map_err(|_| expected())?;
-    let usable = number.is_finite() && number >= 0.0;
-    usable.then_some((family, number)).ok_or_else(expected)
-}
-
-/// Make training data
-#[derive(Debug, Subcommand)]
-pub(super) enum DatasetCommand {
-    Generate(GenerateArgs),
-    Merge(MergeArgs),
-}
-
-/// Generate random scenarios with expert plans
-///
-/// Writes shards that can be resumed after an interruption and depend on the seed alone.
-#[derive(Args, Debug)]
-#[command(
-    after_help = "Examples:\n  nngtl dataset generate --out data --missions 6000 --seed 1\n  nngtl dataset generate --out mazes --missions 600 --families mazes=2,blobs"
-)]
-pub(super) struct GenerateArgs {
-    /// The folder to write to; what is already there is kept and completed
-    #[arg(long, value_name = "DIR")]
-    pub(super) out: PathBuf,
-    /// How many missions to draw, six on each map
-    #[arg(long, value_name = "N", default_value_t = 6000)]
-    pub(super) missions: u64,
-    /// Seed of every random choice
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(super) seed: u64,
-    /// Families of maps and how often each is drawn: paper, clutter, rooms, mazes, blobs, large, small
-    /// [default: paper=0.55,clutter=0.25,rooms=0.2]
-    #[arg(long, value_delimiter = ',', value_parser = family_weight, value_name = "NAME=WEIGHT,…")]
-    pub(super) families: Vec<(Family, f64)>,
-    /// Who plans the missions
-    #[arg(long, value_enum, value_name = "NAME", default_value_t = ExpertName::Exact)]
-    pub(super) expert: ExpertName,
-    /// Make one part of several alone, counted from 1, each in a folder of its own (a cluster's job array);
-    /// `nngtl dataset merge` puts them together
-    #[arg(long, value_name = "K/N", value_parser = part_of)]
-    pub(super) part: Option<(u64, u64)>,
-    /// Threads to use, 0 for one per core
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(super) threads: usize,
-}
-
-/// Who plans the missions of a data set.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(super) enum ExpertName {
-    /// The exact planner: milliseconds a mission
-    Exact,
-    /// The paper's expert: 10,000 iterations of biased TL-RRT*, some tenths of a second a mission
-    TlRrtStar,
-}
-
-/// Put parts of a data set together
-///
-/// Copies the shards of all parts into one folder, with one manifest: the same files as if the set had been
-/// made in one place.
-#[derive(Args, Debug)]
-#[command(
-    after_help = "Example:\n  nngtl dataset generate --missions 100000 --part 1/8 --out part-1   # … to 8/8\n  nngtl dataset merge part-* --out data"
-)]
-pub(super) struct MergeArgs {
-    /// The folders of the parts
-    #[arg(value_name = "PARTS", required = true)]
-    pub(super) parts: Vec<PathBuf>,
-    /// The folder to write to
-    #[arg(long, value_name = "DIR")]
-    pub(super) out: PathBuf,
-}
-
-fn part_of(text: &str) -> Result<(u64, u64), String> {
-    let numbers = text.split_once('/');
-    numbers
-        .and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)))
-        .ok_or_else(|| "expected a part and how many there are, as in 3/8".to_owned())
-}
-
 /// How guided sampling goes beyond the paper; 0 is the paper's rule.
 #[derive(Args, Clone, Debug)]
 pub(super) struct GuidedArgs {
@@ -484,129 +403,4 @@ pub(super) struct GuidedArgs {
     /// Guided: half side of the square around the next corner of the shortest way, relative to the map's side
     #[arg(long, value_name = "R", default_value_t = Settings::default().corner)]
     pub(super) corner: f64,
-}
-
-/// Build and look at libraries of skills
-#[derive(Debug, Subcommand)]
-pub(super) enum LibraryCommand {
-    Build(LibraryBuildArgs),
-    Show(LibraryShowArgs),
-    Merge(LibraryMergeArgs),
-}
-
-/// Build a library of skills from a mission
-///
-/// Decomposes the mission into subtasks and learns a path for each. The library belongs to the
-/// scenario's map; other missions on the same map reuse it.
-#[derive(Args, Debug)]
-#[command(
-    after_help = "Examples:\n  nngtl library build scenarios/transfer-grid.toml --out skills.library\n  nngtl library build scenarios/tl-rrt-star.toml --task '<> l1 && <> l2 && <> l3' --sampler guided --out skills.library --svg skills.svg"
-)]
-pub(super) struct LibraryBuildArgs {
-    #[command(flatten)]
-    pub(super) mission: MissionArgs,
-    #[command(flatten)]
-    pub(super) network: NetworkArgs,
-    /// The file to write
-    #[arg(long, value_name = "FILE")]
-    pub(super) out: PathBuf,
-    /// Add to the library that is in the file already
-    #[arg(long)]
-    pub(super) extend: bool,
-    /// Where to look next: uniform or guided
-    #[arg(long, value_enum, default_value_t = SamplerName::Uniform, value_name = "NAME")]
-    pub(super) sampler: SamplerName,
-    /// Seed of every random choice
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(super) seed: u64,
-    /// Places to sample at most; each is offered to every subtree
-    #[arg(long, value_name = "N", default_value_t = BuildSettings::default().samples)]
-    pub(super) samples: u64,
-    /// End once all subtrees together hold so many product states
-    #[arg(long, value_name = "N", default_value_t = BuildSettings::default().nodes)]
-    pub(super) nodes: u64,
-    /// Draw map and skills as SVG
-    #[arg(long, value_name = "FILE.svg")]
-    pub(super) svg: Option<PathBuf>,
-    /// Draw map and skills as PNG
-    #[arg(long, value_name = "FILE.png")]
-    pub(super) png: Option<PathBuf>,
-}
-
-/// Show what is in a library
-///
-/// With a scenario, every skill is checked on its map, and those that do not hold there are told.
-#[derive(Args, Debug)]
-#[command(
-    after_help = "Examples:\n  nngtl library show skills.library\n  nngtl library show skills.library --scenario scenarios/transfer-grid.toml --svg skills.svg"
-)]
-pub(super) struct LibraryShowArgs {
-    /// The library
-    #[arg(value_name = "FILE")]
-    pub(super) library: PathBuf,
-    /// Check the skills on this scenario's map
-    #[arg(long, value_name = "SCENARIO")]
-    pub(super) scenario: Option<PathBuf>,
-    /// Which scenario of a .jsonl file: its name, or the number of its line
-    #[arg(long, value_name = "NAME|LINE", requires = "scenario")]
-    pub(super) pick: Option<String>,
-    /// Draw map and skills as SVG
-    #[arg(long, value_name = "FILE.svg", requires = "scenario")]
-    pub(super) svg: Option<PathBuf>,
-    /// Draw map and skills as PNG
-    #[arg(long, value_name = "FILE.png", requires = "scenario")]
-    pub(super) png: Option<PathBuf>,
-}
-
-/// Put libraries of one map together
-#[derive(Args, Debug)]
-#[command(
-    after_help = "Example:\n  nngtl library merge monday.library tuesday.library --out week.library"
-)]
-pub(super) struct LibraryMergeArgs {
-    /// The libraries
-    #[arg(value_name = "FILES", required = true, num_args = 2..)]
-    pub(super) libraries: Vec<PathBuf>,
-    /// The file to write
-    #[arg(long, value_name = "FILE")]
-    pub(super) out: PathBuf,
-}
-
-/// Plan a mission with a library of skills
-///
-/// Matches the mission's subtasks with skills, joins them to a first plan, and keeps improving until
-/// the budget ends. A library of another map is checked skill by skill and never trusted.
-///
-/// `--sampler auto` is `uniform` here: the first plan is made of skills and needs no sample.
-#[derive(Args, Debug)]
-#[command(
-    after_help = "Examples:\n  nngtl transfer scenarios/transfer-grid.jsonl --pick transfer-phi4 --library skills.library --first\n  nngtl transfer scenarios/tl-rrt-star.toml --library skills.library --learn --svg plan.svg"
-)]
-pub(super) struct TransferArgs {
-    #[command(flatten)]
-    pub(super) plan: PlanArgs,
-    /// The library
-    #[arg(long, value_name = "FILE")]
-    pub(super) library: PathBuf,
-    /// Add what the plan learned to the library, which must be one of this very map
-    #[arg(long)]
-    pub(super) learn: bool,
-}
-
-/// Repair a plan for a changed scenario
-///
-/// Only the segments that new obstacles broke are planned again. Where that is not possible, the
-/// mission is planned anew, with the library if one is given: that is quicker, and often cheaper. The whole plan
-/// is checked. The mission is that of the plan, unless `--task` names another.
-#[derive(Args, Debug)]
-#[command(after_help = "Example:\n  nngtl replan changed.toml plan.json --out repaired.json")]
-pub(super) struct ReplanArgs {
-    #[command(flatten)]
-    pub(super) plan: PlanArgs,
-    /// The plan that was made before the change
-    #[arg(value_name = "PLAN.json")]
-    pub(super) old: PathBuf,
-    /// A library for planning anew
-    #[arg(long, value_name = "FILE")]
-    pub(super) library: Option<PathBuf>,
 }

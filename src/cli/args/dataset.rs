@@ -1,0 +1,93 @@
+//! What can be typed after `nngtl dataset`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum};
+
+use crate::dataset::maps::{Family, UnknownFamily};
+
+/// A family of maps, with its weight if that is not 1.
+pub(super) fn family_weight(text: &str) -> Result<(Family, f64), String> {
+    let (name, weight) = text.split_once('=').unwrap_or((text, "1"));
+    let family: Family = name
+        .trim()
+        .parse()
+        .map_err(|e: UnknownFamily| e.to_string())?;
+    let expected = || format!("expected a weight from 0 up after `{name}=`, found `{weight}`");
+    let number: f64 = weight.trim().parse().map_err(|_| expected())?;
+    let usable = number.is_finite() && number >= 0.0;
+    usable.then_some((family, number)).ok_or_else(expected)
+}
+
+/// Make training data
+#[derive(Debug, Subcommand)]
+pub(in crate::cli) enum DatasetCommand {
+    Generate(GenerateArgs),
+    Merge(MergeArgs),
+}
+
+/// Generate random scenarios with expert plans
+///
+/// Writes shards that can be resumed after an interruption and depend on the seed alone.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Examples:\n  nngtl dataset generate --out data --missions 6000 --seed 1\n  nngtl dataset generate --out mazes --missions 600 --families mazes=2,blobs"
+)]
+pub(in crate::cli) struct GenerateArgs {
+    /// The folder to write to; what is already there is kept and completed
+    #[arg(long, value_name = "DIR")]
+    pub(in crate::cli) out: PathBuf,
+    /// How many missions to draw, six on each map
+    #[arg(long, value_name = "N", default_value_t = 6000)]
+    pub(in crate::cli) missions: u64,
+    /// Seed of every random choice
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(in crate::cli) seed: u64,
+    /// Families of maps and how often each is drawn: paper, clutter, rooms, mazes, blobs, large, small
+    /// [default: paper=0.55,clutter=0.25,rooms=0.2]
+    #[arg(long, value_delimiter = ',', value_parser = family_weight, value_name = "NAME=WEIGHT,…")]
+    pub(in crate::cli) families: Vec<(Family, f64)>,
+    /// Who plans the missions
+    #[arg(long, value_enum, value_name = "NAME", default_value_t = ExpertName::Exact)]
+    pub(in crate::cli) expert: ExpertName,
+    /// Make one part of several alone, counted from 1, each in a folder of its own (a cluster's job array);
+    /// `nngtl dataset merge` puts them together
+    #[arg(long, value_name = "K/N", value_parser = part_of)]
+    pub(in crate::cli) part: Option<(u64, u64)>,
+    /// Threads to use, 0 for one per core
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(in crate::cli) threads: usize,
+}
+
+/// Who plans the missions of a data set.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(in crate::cli) enum ExpertName {
+    /// The exact planner: milliseconds a mission
+    Exact,
+    /// The paper's expert: 10,000 iterations of biased TL-RRT*, some tenths of a second a mission
+    TlRrtStar,
+}
+
+/// Put parts of a data set together
+///
+/// Copies the shards of all parts into one folder, with one manifest: the same files as if the set had been
+/// made in one place.
+#[derive(Args, Debug)]
+#[command(
+    after_help = "Example:\n  nngtl dataset generate --missions 100000 --part 1/8 --out part-1   # … to 8/8\n  nngtl dataset merge part-* --out data"
+)]
+pub(in crate::cli) struct MergeArgs {
+    /// The folders of the parts
+    #[arg(value_name = "PARTS", required = true)]
+    pub(in crate::cli) parts: Vec<PathBuf>,
+    /// The folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub(in crate::cli) out: PathBuf,
+}
+
+fn part_of(text: &str) -> Result<(u64, u64), String> {
+    let numbers = text.split_once('/');
+    numbers
+        .and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)))
+        .ok_or_else(|| "expected a part and how many there are, as in 3/8".to_owned())
+}

@@ -2,6 +2,8 @@
 
 mod file;
 
+use std::collections::BTreeSet;
+
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 
@@ -54,6 +56,16 @@ pub struct Path {
     pub prefix: Vec<Waypoint>,
     /// From the prefix's last point back to it; one point if the robot stays; never empty.
     pub suffix: Vec<Waypoint>,
+}
+
+impl Path {
+    /// The automaton states on it, prefix and suffix, ascending.
+    #[must_use]
+    pub fn states(&self) -> Vec<StateId> {
+        let all = self.prefix.iter().chain(&self.suffix);
+        let states: BTreeSet<StateId> = all.map(|w| w.state).collect();
+        states.into_iter().collect()
+    }
 }
 
 /// The length of a polyline through `points`, in map units.

@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::maps::Family;
 use super::read::{ReadError, digest, read_manifest};
-use super::record::{Counts, FORMAT, Manifest, ShardEntry, add_counts};
+use super::record::{Counts, Manifest, ShardEntry, add_counts};
 use super::sample::{Sample, draw_sample};
 use crate::plan::write_atomically;
 
@@ -163,20 +163,8 @@ impl GenerateConfig {
     }
 
     fn empty_manifest(&self) -> Manifest {
-        Manifest {
-            format: FORMAT,
-            generator: env!("CARGO_PKG_VERSION").to_owned(),
-            seed: self.seed,
-            from: self.from,
-            to: self.to,
-            maps: 0,
-            missions: 0,
-            filtered: Counts::new(),
-            families: Counts::new(),
-            patterns: Counts::new(),
-            shards: Vec::new(),
-            settings: self.settings(),
-        }
+        let (generator, maps) = (env!("CARGO_PKG_VERSION"), self.from..self.to);
+        Manifest::empty(generator, self.seed, maps, self.settings())
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::generate::{MANIFEST, add_shard};
 use super::read::{ReadError, digest, read_manifest};
-use super::record::{Counts, Manifest, ShardEntry};
+use super::record::{Manifest, ShardEntry};
 use crate::plan::write_atomically;
 
 /// Why parts could not be put together. Nothing but whole shards is ever written.
@@ -96,17 +96,8 @@ pub fn merge(parts: &[PathBuf], out: &Path) -> Result<Manifest, MergeError> {
         bounds(|m| m.from).min().unwrap_or(0),
         bounds(|m| m.to).max().unwrap_or(0),
     );
-    let mut manifest = Manifest {
-        from,
-        to,
-        maps: 0,
-        missions: 0,
-        filtered: Counts::new(),
-        families: Counts::new(),
-        patterns: Counts::new(),
-        shards: Vec::new(),
-        ..model.clone()
-    };
+    let settings = model.settings.clone();
+    let mut manifest = Manifest::empty(&model.generator, model.seed, from..to, settings);
     let shards = in_order(&found, from, to)?;
     fs::create_dir_all(out).map_err(at(out))?;
     for (folder, shard) in shards {

@@ -50,6 +50,31 @@ pub struct Manifest {
     pub settings: serde_json::Value,
 }
 
+impl Manifest {
+    /// The manifest of a set of which no shard is there yet.
+    pub(super) fn empty(
+        generator: &str,
+        seed: u64,
+        maps: std::ops::Range<u64>,
+        settings: serde_json::Value,
+    ) -> Self {
+        Self {
+            format: FORMAT,
+            generator: generator.to_owned(),
+            seed,
+            from: maps.start,
+            to: maps.end,
+            maps: 0,
+            missions: 0,
+            filtered: Counts::new(),
+            families: Counts::new(),
+            patterns: Counts::new(),
+            shards: Vec::new(),
+            settings,
+        }
+    }
+}
+
 /// A shard in the manifest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShardEntry {

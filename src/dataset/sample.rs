@@ -1,6 +1,5 @@
 //! One map with its missions: drawn, planned by the expert, filtered.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -171,7 +170,7 @@ impl Draw<'_> {
             order,
             prefix: points(&path.prefix),
             suffix: points(&path.suffix),
-            visited: visited(&plan),
+            visited: plan.states().iter().map(|q| q.0).collect(),
             cost: to_millionth(cost),
         })
     }
@@ -258,13 +257,6 @@ impl Draw<'_> {
             suffix: on_grid(&plan.suffix)?,
         })
     }
-}
-
-/// The automaton states on a plan, ascending.
-fn visited(plan: &Path) -> Vec<u32> {
-    let all = plan.prefix.iter().chain(&plan.suffix);
-    let states: BTreeSet<u32> = all.map(|w| w.state.0).collect();
-    states.into_iter().collect()
 }
 
 /// Translates with limits that are far above what is kept, and without a clock: the data set must

@@ -71,10 +71,7 @@ pub struct ExactPlan {
 
 impl ExactPlan {
     fn new(path: Path, cost: Cost) -> Self {
-        let all = path.prefix.iter().chain(&path.suffix);
-        let mut visited: Vec<StateId> = all.map(|w| w.state).collect();
-        visited.sort_unstable();
-        visited.dedup();
+        let visited = path.states();
         Self {
             path,
             cost,

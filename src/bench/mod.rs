@@ -20,7 +20,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::guidance::Guidance;
-use crate::planner::{GuidanceError, Guide, PlanError, Problem, Sampler};
+use crate::planner::{Deferred, GuidanceError, Guide, PlanError, Problem, Sampler};
 
 pub use convergence::{Convergence, Descent, Mark, Reference, converge};
 pub use groups::{COMPLEX_FROM, Classes, Group};
@@ -46,12 +46,19 @@ pub enum Strategy {
     Flat,
     /// Guided by the networks.
     Guided,
+    /// As `plan` does it of itself: directed, and guided once the search has lasted so long that networks pay.
+    Auto,
     /// The guided rule with the labels of the data set in place of the networks: what perfect networks
     /// would gain. A control that reads the answer, not a planner.
     Oracle,
 }
 
 impl Strategy {
+    /// Whether it has asked the networks by the time of this iteration, if it ever does.
+    fn has_asked(self, iterations: u64) -> bool {
+        self != Self::Auto || iterations > Deferred::WORTH_IT
+    }
+
     /// Its name, as on the command line and in reports.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -61,6 +68,7 @@ impl Strategy {
             Self::Directed => "directed",
             Self::Flat => "flat",
             Self::Guided => "guided",
+            Self::Auto => "auto",
             Self::Oracle => "oracle",
         }
     }
@@ -146,13 +154,13 @@ impl Case {
     /// The contender's sampler; `None` if it needs predictions that this mission lacks.
     fn sampler(&self, contender: &Contender) -> Result<Option<Sampler>, BenchError> {
         let states = self.problem.task.nba.len();
-        let guided = |guidance: &Guidance| {
-            let guide = Guide::new(guidance, states).map_err(|source| BenchError::Guidance {
+        let guide = |guidance: &Guidance| {
+            Guide::new(guidance, states).map_err(|source| BenchError::Guidance {
                 case: self.name.clone(),
                 source,
-            })?;
-            Ok(Sampler::Guided(Arc::new(guide)))
+            })
         };
+        let guided = |guidance: &Guidance| Ok(Sampler::Guided(Arc::new(guide(guidance)?)));
         Ok(match contender.strategy {
             Strategy::Uniform => Some(Sampler::Uniform),
             Strategy::Biased => Some(Sampler::Biased),
@@ -162,14 +170,21 @@ impl Case {
                 let predicted = self.prediction(contender);
                 predicted.map(|p| guided(&p.guidance)).transpose()?
             }
+            Strategy::Auto => {
+                let predicted = self.prediction(contender).map(|p| guide(&p.guidance));
+                let found = predicted.transpose()?;
+                Some(Sampler::Deferred(Deferred::new(Deferred::WORTH_IT, || {
+                    found
+                })))
+            }
             Strategy::Oracle => self.labels.as_ref().map(guided).transpose()?,
         })
     }
 
-    /// Seconds that encoding and networks take before this contender's search.
+    /// Seconds that encoding and networks take in this contender's search, if it asks them.
     fn network_seconds(&self, contender: &Contender) -> [f64; 2] {
         match contender.strategy {
-            Strategy::Guided => self
+            Strategy::Guided | Strategy::Auto => self
                 .prediction(contender)
                 .map_or([0.0; 2], |p| [p.encode_seconds, p.infer_seconds]),
             _ => [0.0; 2],

@@ -20,7 +20,7 @@ pub struct Times {
 }
 
 impl Times {
-    /// Encoding and networks, which run before the search.
+    /// Encoding and networks.
     #[must_use]
     pub fn networks(&self) -> f64 {
         self.encode + self.infer
@@ -74,9 +74,14 @@ impl Trial {
         found.map_or(self.times.search, |f| f.seconds)
     }
 
-    /// The same with encoding and networks before it.
+    /// The same with encoding and networks, if they were asked by then.
     pub(super) fn seconds_until(&self, found: Option<First>) -> f64 {
-        self.times.networks() + self.search_until(found)
+        let iterations = found.map_or(self.cap, |f| f.iterations);
+        let networks = match self.contender.strategy.has_asked(iterations) {
+            true => self.times.networks(),
+            false => 0.0,
+        };
+        networks + self.search_until(found)
     }
 }
 
@@ -162,7 +167,12 @@ pub(super) fn stats(
 }
 
 fn trial(case: &Case, contender: &Contender, settings: &Settings, stats: &Stats) -> Trial {
-    let [encode, infer] = case.network_seconds(contender);
+    let asked = contender.strategy.has_asked(stats.iterations);
+    let [encode, infer] = if asked {
+        case.network_seconds(contender)
+    } else {
+        [0.0; 2]
+    };
     Trial {
         case: case.name.clone(),
         family: case.family.clone(),

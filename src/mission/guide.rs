@@ -1,14 +1,14 @@
 //! From networks to a sampler.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
-use super::{Chosen, MissionError, Options, SamplerChoice};
+use super::{MissionError, Options, SamplerChoice};
 use crate::automaton::Task;
 use crate::encoding::{AutomatonGraph, Encoding, MapInput};
 use crate::guidance::Guidance;
-use crate::nn::{LoadError, PredictError, Predictor};
-use crate::planner::{Guide, Problem, Sampler, Settings};
+use crate::nn::{PredictError, Predictor};
+use crate::planner::{Deferred, Guide, Problem, Sampler};
 use crate::scenario::Scenario;
 use crate::system::{Spot, TransitionSystem, Ways};
 use crate::workspace::{Polygon, Workspace};
@@ -55,28 +55,13 @@ pub fn predict(
     options: &Options,
 ) -> Result<Prediction, MissionError> {
     let (system, start) = super::world(scenario)?;
-    predict_in(scenario, &*system, start, task, options)
-}
-
-/// As [`predict`], in a world that is at hand already.
-pub(super) fn predict_in(
-    scenario: &Scenario,
-    system: &dyn TransitionSystem,
-    start: Spot,
-    task: &Task,
-    options: &Options,
-) -> Result<Prediction, MissionError> {
-    let mut predictor = match &options.model {
-        Some(folder) => Predictor::load(folder, options.device)?,
-        None => Predictor::embedded(options.device)?,
-    };
     let question = Question {
         map: &scenario.workspace,
-        system,
+        system: &*system,
         start,
         task,
     };
-    predict_with(&mut predictor, question)
+    predict_with(&mut load(options)?, question)
 }
 
 /// As [`predict`], with networks that are loaded already.
@@ -189,68 +174,133 @@ fn encode<'a>(
     Ok((input, graph))
 }
 
-/// The sampler that the options ask for. `auto` leaves the networks out of short searches and never fails: what keeps the networks from
-/// guiding is told once, and the search goes by the same rules without predictions.
+/// The sampler of a search, and what the networks say to it.
+pub(super) struct Chosen {
+    pub(super) sampler: Sampler,
+    answer: Arc<Mutex<Answer>>,
+}
+
+/// What the networks said, if they were asked.
+#[derive(Default)]
+pub(super) struct Answer {
+    pub(super) prediction: Option<Prediction>,
+    pub(super) notices: Vec<String>,
+    /// Seconds that the search waited for it.
+    pub(super) waited: f64,
+}
+
+impl Chosen {
+    /// A sampler without networks.
+    pub(super) fn plain(sampler: Sampler) -> Self {
+        Self::new(sampler, Answer::default())
+    }
+
+    fn new(sampler: Sampler, answer: Answer) -> Self {
+        let answer = Arc::new(Mutex::new(answer));
+        Self { sampler, answer }
+    }
+
+    /// What the networks have said by now.
+    pub(super) fn answer(&self) -> Answer {
+        std::mem::take(&mut self.answer.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Answer {
+    fn new(mut prediction: Prediction) -> Self {
+        Self {
+            notices: prediction.notice.take().into_iter().collect(),
+            prediction: Some(prediction),
+            waited: 0.0,
+        }
+    }
+
+    /// The name of the sampler that the search ended with.
+    pub(super) fn sampler(&self, begun: &Sampler) -> &'static str {
+        match begun {
+            Sampler::Deferred(_) if self.prediction.is_some() => "guided",
+            Sampler::Deferred(_) => Sampler::Directed.name(),
+            other => other.name(),
+        }
+    }
+}
+
+/// The sampler that the options ask for. `auto` asks the networks when the search has lasted for some time, and never fails: what keeps
+/// the networks from guiding is told once, and the search goes by the same rules without predictions. Weights that were named
+/// must load.
 pub(super) fn choose(
     scenario: &Scenario,
     problem: &Problem,
     options: &Options,
 ) -> Result<Chosen, MissionError> {
-    let plain = |sampler| Chosen {
-        sampler,
-        prediction: None,
-        notices: Vec::new(),
-    };
-    match options.sampler {
-        SamplerChoice::Uniform => return Ok(plain(Sampler::Uniform)),
-        SamplerChoice::Biased | SamplerChoice::Exact => return Ok(plain(Sampler::Biased)),
-        SamplerChoice::Directed => return Ok(plain(Sampler::Directed)),
-        SamplerChoice::Auto if is_short(&options.settings) => return Ok(plain(Sampler::Directed)),
-        SamplerChoice::Auto | SamplerChoice::Guided => {}
-    }
-    match guided(scenario, problem, options) {
-        Ok(chosen) => Ok(chosen),
-        Err(e) if options.sampler == SamplerChoice::Auto && is_no_guidance(&e, options) => {
-            let mut chosen = plain(Sampler::Directed);
-            chosen
-                .notices
-                .push(format!("planning without guidance: {e}"));
-            Ok(chosen)
+    let sampler = match options.sampler {
+        SamplerChoice::Uniform => Sampler::Uniform,
+        SamplerChoice::Biased | SamplerChoice::Exact => Sampler::Biased,
+        SamplerChoice::Directed => Sampler::Directed,
+        SamplerChoice::Guided => {
+            let mut networks = load(options)?;
+            let (guide, prediction) = ask(&mut networks, &scenario.workspace, problem)?;
+            let sampler = Sampler::Guided(Arc::new(guide));
+            return Ok(Chosen::new(sampler, Answer::new(prediction)));
         }
-        Err(e) => Err(e),
-    }
+        SamplerChoice::Auto => return deferred(scenario, problem, options),
+    };
+    Ok(Chosen::plain(sampler))
 }
 
-/// Seconds of search below which the networks are not worth the wait for them.
-const WORTH_IT: f64 = 0.1;
-
-/// Whether a search will be over before networks could have paid for themselves: they make plans cheaper, but first plans
-/// hardly sooner, and those take less time than one inference (`docs/guidance.md`).
-fn is_short(settings: &Settings) -> bool {
-    settings.first || settings.time_limit.is_some_and(|s| s < WORTH_IT)
-}
-
-/// Whether `auto` may go on without the networks. Weights that were named must load.
-fn is_no_guidance(e: &MissionError, options: &Options) -> bool {
-    match e {
-        MissionError::Load(LoadError::NotEmbedded) | MissionError::Predict(_) => true,
-        MissionError::Load(_) => options.model.is_none(),
-        _ => false,
-    }
-}
-
-fn guided(
+fn deferred(
     scenario: &Scenario,
     problem: &Problem,
     options: &Options,
 ) -> Result<Chosen, MissionError> {
-    let (system, task) = (&*problem.system, &*problem.task);
-    let mut prediction = predict_in(scenario, system, problem.start, task, options)?;
-    let guide = Guide::new(&prediction.guidance, task.nba.len())
-        .map_err(|_| PredictError::Inconsistent("the prediction does not fit the automaton"))?;
-    Ok(Chosen {
-        sampler: Sampler::Guided(Arc::new(guide)),
-        notices: prediction.notice.take().into_iter().collect(),
-        prediction: Some(prediction),
+    let named = options.model.as_ref().map(|_| load(options)).transpose()?;
+    let (map, problem) = (Arc::clone(&scenario.workspace), problem.clone());
+    let options = options.clone();
+    let answer = Arc::new(Mutex::new(Answer::default()));
+    let into = Arc::clone(&answer);
+    let sampler = Deferred::new(Deferred::WORTH_IT, move || {
+        let began = Instant::now();
+        let networks = named.map_or_else(|| load(&options), Ok);
+        let found = networks.and_then(|mut networks| ask(&mut networks, &map, &problem));
+        let (guide, mut said) = match found {
+            Ok((guide, prediction)) => (Some(guide), Answer::new(prediction)),
+            Err(e) => {
+                let notices = vec![format!("planning without guidance: {e}")];
+                let said = Answer {
+                    notices,
+                    ..Answer::default()
+                };
+                (None, said)
+            }
+        };
+        said.waited = began.elapsed().as_secs_f64();
+        *into.lock().unwrap_or_else(PoisonError::into_inner) = said;
+        guide
+    });
+    let sampler = Sampler::Deferred(sampler);
+    Ok(Chosen { sampler, answer })
+}
+
+pub(super) fn load(options: &Options) -> Result<Predictor, MissionError> {
+    Ok(match &options.model {
+        Some(folder) => Predictor::load(folder, options.device)?,
+        None => Predictor::embedded(options.device)?,
     })
+}
+
+pub(super) fn ask(
+    networks: &mut Predictor,
+    map: &Workspace,
+    problem: &Problem,
+) -> Result<(Guide, Prediction), MissionError> {
+    let question = Question {
+        map,
+        system: &*problem.system,
+        start: problem.start,
+        task: &problem.task,
+    };
+    let prediction = predict_with(networks, question)?;
+    let guide = Guide::new(&prediction.guidance, problem.task.nba.len())
+        .map_err(|_| PredictError::Inconsistent("the prediction does not fit the automaton"))?;
+    Ok((guide, prediction))
 }

@@ -34,9 +34,7 @@ use crate::automaton::{Limits, Nba, Task, TaskError};
 use crate::guidance::Guidance;
 use crate::nn::{DeviceChoice, LoadError, PredictError};
 use crate::plan::{Cost, First, Path, PlanFile, PlanStats, StageSeconds};
-use crate::planner::{
-    self, GuidanceError, PlanError, Problem, Progress, Sampler, Settings, Stats, Stop,
-};
+use crate::planner::{self, GuidanceError, PlanError, Problem, Progress, Settings, Stats, Stop};
 use crate::scenario::Scenario;
 use crate::system::{Continuous, Grid, GridError, Spot, StartError, TransitionSystem};
 use crate::verify::{self, Refusal, Verified};
@@ -48,8 +46,8 @@ pub use transfer::{Change, build_library, replan_task, transfer_task};
 /// Which strategy plans a mission.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SamplerChoice {
-    /// Guided if the networks load and fit the mission and the search is long enough for them to pay (it goes on after
-    /// the first plan, and for a tenth of a second at least), else directed.
+    /// Directed, and once a search has lasted so long that networks pay ([`Deferred::WORTH_IT`](crate::planner::Deferred::WORTH_IT)),
+    /// guided, if they load and fit the mission.
     #[default]
     Auto,
     /// Uniform sampling.
@@ -202,18 +200,19 @@ pub fn plan_task(
     let chosen = guide::choose(scenario, &problem, options)?;
     let searched = Instant::now();
     let solution = planner::plan(&problem, &chosen.sampler, &options.settings, stop, observe)?;
-    let search = searched.elapsed().as_secs_f64();
+    let answer = chosen.answer();
+    let search = searched.elapsed().as_secs_f64() - answer.waited;
 
     let verified = check(scenario, &task, &solution.path, &solution.cost)?;
     let mut file = file(scenario, &task, &solution.path, solution.cost);
-    file.sampler = Some(chosen.sampler.name().to_owned());
+    file.sampler = Some(answer.sampler(&chosen.sampler).to_owned());
     file.seed = Some(options.settings.seed);
     file.first = solution.stats.first_plan.map(first);
     file.first_prefix = solution.stats.first_prefix.map(first);
     let mut stats = stats(&solution.stats);
     stats.seconds.search = search;
     let mut guidance = None;
-    if let Some(prediction) = chosen.prediction {
+    if let Some(prediction) = answer.prediction {
         file.device = Some(prediction.device);
         file.model_hash = Some(prediction.model_hash);
         stats.seconds.encode = prediction.encode;
@@ -228,7 +227,7 @@ pub fn plan_task(
         file,
         guidance,
         edges: solution.edges,
-        notices: chosen.notices,
+        notices: answer.notices,
     })
 }
 
@@ -391,11 +390,4 @@ fn stats(stats: &Stats) -> PlanStats {
         sites: stats.sites,
         seconds: StageSeconds::default(),
     }
-}
-
-/// The sampler of a search with what it was made from.
-struct Chosen {
-    sampler: Sampler,
-    prediction: Option<Prediction>,
-    notices: Vec<String>,
 }

@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::{
-    Chosen, MissionError, Options, Planned, SamplerChoice, check, check_reachable, file, first,
-    guide, problem, stats,
+    MissionError, Options, Planned, SamplerChoice, check, check_reachable, file, first, guide,
+    problem, stats,
 };
 use crate::automaton::Task;
 use crate::plan::{Cost, Path, PlanStats, StageSeconds};
@@ -36,7 +36,8 @@ pub fn build_library(
     let (system, start) = (&*problem.system, problem.start);
     let sampler = match options.sampler {
         SamplerChoice::Guided => {
-            let prediction = guide::predict_in(scenario, system, start, task, options)?;
+            let mut networks = guide::load(options)?;
+            let (_, prediction) = guide::ask(&mut networks, &scenario.workspace, &problem)?;
             BuildSampler::Guided(prediction.guidance.heatmap)
         }
         _ => BuildSampler::Uniform,
@@ -64,11 +65,7 @@ pub fn transfer_task(
     let problem = problem(scenario, Arc::clone(&task))?;
     check_reachable(scenario, &task, &*problem.system)?;
     let chosen = match options.sampler {
-        SamplerChoice::Auto => Chosen {
-            sampler: Sampler::Uniform,
-            prediction: None,
-            notices: Vec::new(),
-        },
+        SamplerChoice::Auto => guide::Chosen::plain(Sampler::Uniform),
         _ => guide::choose(scenario, &problem, options)?,
     };
     let searched = Instant::now();
@@ -86,6 +83,7 @@ pub fn transfer_task(
         (solution.path, solution.cost) = shortened(&problem, options, solution.path, cost);
     }
     let search = searched.elapsed().as_secs_f64();
+    let answer = chosen.answer();
     let verified = check(scenario, &task, &solution.path, &solution.cost)?;
     let mut file = file(scenario, &task, &solution.path, solution.cost);
     file.sampler = Some(format!("transfer-{}", chosen.sampler.name()));
@@ -95,7 +93,7 @@ pub fn transfer_task(
     let mut effort = stats(&solution.stats);
     effort.seconds.search = search;
     let mut guidance = None;
-    if let Some(prediction) = chosen.prediction {
+    if let Some(prediction) = answer.prediction {
         file.device = Some(prediction.device);
         file.model_hash = Some(prediction.model_hash);
         effort.seconds.encode = prediction.encode;
@@ -110,7 +108,7 @@ pub fn transfer_task(
         file,
         guidance,
         edges: solution.edges,
-        notices: chosen.notices,
+        notices: answer.notices,
     };
     Ok((planned, found.reused))
 }

@@ -26,7 +26,7 @@ use crate::plan::{Cost, Path};
 use crate::system::{Spot, TransitionSystem};
 
 pub(crate) use sampler::{Aim, Draw, View};
-pub use sampler::{GuidanceError, Guide, HeatmapSums, Sampler};
+pub use sampler::{Deferred, GuidanceError, Guide, HeatmapSums, Sampler};
 pub use search::{plan, profile};
 pub use settings::{Settings, SettingsError, Stop};
 pub use split::Split;

@@ -1,7 +1,7 @@
 //! Shortening of the plans that a search finds, while it goes on.
 //!
 //! Trees find which order of visits and which way around obstacles is good long before they find its
-//! shortest path. So each candidate, the cheapest way to each kind of goal and each suffix tree's loop, is
+//! shortest path. So each candidate, the cheapest prefix of each word that leads to a goal and each suffix tree's loop, is
 //! shortened now and then ([`Shortener`]), and the best plan is the cheapest of all that were found
 //! and shortened. Its prefix is then handed back as points to draw (the "beacons" of J. Nasir et al.,
 //! "RRT*-SMART: a rapid convergence implementation of RRT*", IJARS 2013), so that the tree holds it,
@@ -12,8 +12,6 @@ use std::collections::VecDeque;
 use nalgebra::Point2;
 
 use super::tree::NodeId;
-use crate::alphabet::Letter;
-use crate::automaton::StateId;
 use crate::shorten::Shortener;
 
 /// A candidate is shortened again once it is cheaper by this share than when it was before.
@@ -21,18 +19,27 @@ const AGAIN: f64 = 0.01;
 
 /// A candidate is not worth shortening if it costs this much more than the best plan: few paths of
 /// trees can be shortened by more.
-const PROMISING: f64 = 1.4;
+pub(super) const PROMISING: f64 = 1.4;
 
 /// So many plans are shortened at once; after that one for so many iterations, so that shortening
 /// takes no more than about the share of the time that growing takes.
 const ALLOWANCE: u64 = 4;
-const PERIOD: u64 = 48;
+const PERIOD: u64 = 16;
 
 /// Passes over the points of a plan.
 const SWEEPS: usize = 12;
 
-/// What makes candidates alike: the goal's state and letter, and the suffix tree.
-type Kind = (StateId, Letter, Option<usize>);
+/// Words that are known at once, at most: so many orders of visits compete.
+const MOST: usize = 64;
+
+/// What makes candidates alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Kind {
+    /// The suffix tree, if the plan does not stay.
+    pub(super) suffix: Option<usize>,
+    /// A hash of the letters and states on the way to the goal.
+    pub(super) word: u64,
+}
 
 /// A plan that could be shortened.
 #[derive(Clone, Copy, Debug)]
@@ -76,12 +83,22 @@ impl<'a> Polish<'a> {
     /// Takes note of a plan that was found.
     pub(super) fn offer(&mut self, kind: Kind, goal: NodeId, cost: f64) {
         let Some(known) = self.known.iter_mut().find(|k| k.kind == kind) else {
-            self.known.push(Known {
+            let new = Known {
                 kind,
                 goal,
                 cost,
                 shortened: f64::INFINITY,
-            });
+            };
+            if self.known.len() < MOST {
+                self.known.push(new);
+            } else if let Some(costliest) = self
+                .known
+                .iter_mut()
+                .max_by(|a, b| a.cost.total_cmp(&b.cost))
+                .filter(|k| cost < k.cost)
+            {
+                *costliest = new;
+            }
             return;
         };
         if cost < known.cost {

@@ -3,6 +3,8 @@
 mod biased;
 mod choices;
 mod closing;
+mod deferred;
+mod entrance;
 mod guided;
 mod heat;
 pub(crate) mod leads;
@@ -20,6 +22,7 @@ use crate::random::Random;
 use crate::system::TransitionSystem;
 
 use closing::Closing;
+pub use deferred::Deferred;
 pub use heat::{GuidanceError, HeatmapSums};
 
 /// Which strategy proposes points.
@@ -33,6 +36,8 @@ pub enum Sampler {
     Directed,
     /// As the networks predict (C-1, C-2).
     Guided(Arc<Guide>),
+    /// [`Directed`](Self::Directed) until it is worth while to ask the networks, then [`Guided`](Self::Guided).
+    Deferred(Arc<Deferred>),
 }
 
 /// Predictions prepared for fast drawing.
@@ -72,6 +77,7 @@ impl Sampler {
             Self::Biased => "biased",
             Self::Directed => "directed",
             Self::Guided(_) => "guided",
+            Self::Deferred(_) => "deferred",
         }
     }
 
@@ -80,7 +86,7 @@ impl Sampler {
         match self {
             Self::Uniform => Some(uniform(view, random)),
             Self::Biased => biased::draw(view, random),
-            Self::Directed => guided::draw(None, view, random),
+            Self::Directed | Self::Deferred(_) => guided::draw(None, view, random),
             Self::Guided(guide) => guided::draw(Some(guide), view, random),
         }
     }

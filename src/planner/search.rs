@@ -96,7 +96,8 @@ pub(super) struct Search<'a> {
     problem: &'a Problem,
     /// The task as samplers see it, if that is another one.
     advice: Option<Task>,
-    sampler: &'a Sampler,
+    /// Who proposes points now.
+    sampler: Sampler,
     settings: &'a Settings,
     random: Random,
     began: Instant,
@@ -129,7 +130,7 @@ impl<'a> Search<'a> {
     /// A search that draws from the seed's stream of this number.
     pub(super) fn new(
         problem: &'a Problem,
-        sampler: &'a Sampler,
+        sampler: &Sampler,
         settings: &'a Settings,
         stream: u64,
     ) -> Self {
@@ -139,7 +140,7 @@ impl<'a> Search<'a> {
         Self {
             problem,
             advice: advice(problem),
-            sampler,
+            sampler: sampler.clone(),
             settings,
             random: generator(settings.seed, stream),
             began: Instant::now(),
@@ -211,6 +212,11 @@ impl<'a> Search<'a> {
                 }
             }
             self.stats.iterations += 1;
+            if let Sampler::Deferred(deferred) = &self.sampler
+                && let Some(next) = deferred.successor(self.stats.iterations)
+            {
+                self.sampler = next;
+            }
             match self.choose_turn() {
                 Turn::Prefix => self.grow_prefix(),
                 Turn::Suffix(i) => self.grow_suffix(i),
@@ -235,7 +241,7 @@ impl<'a> Search<'a> {
                     self.problem,
                     self.advice.as_ref().unwrap_or(&self.problem.task),
                 ),
-                self.sampler,
+                &self.sampler,
                 self.settings,
                 &mut self.prefix,
                 aim,
@@ -262,7 +268,7 @@ impl<'a> Search<'a> {
                 self.problem,
                 self.advice.as_ref().unwrap_or(&self.problem.task),
             ),
-            self.sampler,
+            &self.sampler,
             self.settings,
             &mut suffix.tree,
             aim,

@@ -305,6 +305,21 @@ impl<'a> Tree<'a> {
         path.reverse();
     }
 
+    /// A hash of the letters and states along the path to `node`, waits left out: paths of the same visits in the same
+    /// order share it.
+    pub(crate) fn word_to(&self, node: NodeId) -> u64 {
+        let nodes = std::iter::successors(Some(node), |&n| self.parent(n));
+        let steps = nodes.map(|n| (self.spot(n).letter.index(), self.state(n).index()));
+        let mut last = None;
+        steps.fold(0, |hash: u64, step| {
+            if last.replace(step) == Some(step) {
+                return hash;
+            }
+            let number = (step.0 as u64) << 32 | step.1 as u64;
+            (hash.rotate_left(5) ^ number).wrapping_mul(0x9E37_79B9_7F4A_7C15)
+        })
+    }
+
     /// Takes the list of nodes that were added or became cheaper since the last call.
     pub(crate) fn take_touched(&mut self, into: &mut Vec<NodeId>) {
         into.clear();

@@ -1,6 +1,7 @@
 //! The path as a chain of points, and its local refinement.
 
 use nalgebra::{Point2, Vector2};
+use smallvec::SmallVec;
 
 use super::pull::{least, star_point, taut};
 use super::{Shortener, inward_normal, word_of};
@@ -38,6 +39,7 @@ pub(super) type Word = Vec<u16>;
 
 /// The point at the other end of a leg, with the leg's share of the cost.
 type Neighbour = (Point2<f64>, f64);
+type Neighbours = SmallVec<[Neighbour; 3]>;
 
 impl Chain {
     /// The points of a plan, without waits.
@@ -95,10 +97,17 @@ impl Shortener<'_> {
     }
 
     fn sweep(&self, chain: &mut Chain, sweeps: usize) {
+        // Places where nothing could be gained: nothing can be as long as the neighbours stay.
+        let mut still: Vec<(Point2<f64>, Neighbours)> = Vec::new();
         for _ in 0..sweeps {
             let mut moved = false;
             let mut i = 1;
             while i < chain.points.len() {
+                let here = (chain.points[i], self.neighbours(chain, i));
+                if still.contains(&here) {
+                    i += 1;
+                    continue;
+                }
                 match self.pull(chain, i) {
                     Some(0) => {
                         moved = true;
@@ -112,7 +121,11 @@ impl Shortener<'_> {
                     None => {}
                 }
                 let before = chain.points.len();
-                moved |= self.slide(chain, i);
+                if self.slide(chain, i) {
+                    moved = true;
+                } else {
+                    still.push(here);
+                }
                 i += 1 + chain.points.len() - before;
             }
             if !moved {
@@ -123,12 +136,12 @@ impl Shortener<'_> {
 
     /// The points before and after `i`, with the weights of the segments to them. The prefix's last
     /// point has three neighbours where the suffix moves.
-    fn neighbours(&self, chain: &Chain, i: usize) -> Vec<Neighbour> {
+    fn neighbours(&self, chain: &Chain, i: usize) -> Neighbours {
         let prefix = self.weight.max(MIN_WEIGHT);
         let suffix = (1.0 - self.weight).max(MIN_WEIGHT);
         let points = &chain.points;
         let (split, last) = (chain.split, points.len() - 1);
-        let mut found = Vec::with_capacity(3);
+        let mut found = Neighbours::new();
         if i > 0 {
             let weight = if i <= split { prefix } else { suffix };
             found.push((points[i - 1], weight));
@@ -157,7 +170,7 @@ impl Shortener<'_> {
         };
         let at = chain.points[i];
         let now = (at - before).norm() + (after - at).norm();
-        let word = self.word(&[before, at, after])?;
+        let mut known = None;
         for corners in [&self.corners, &self.all_corners] {
             let mut string = vec![before];
             string.extend(taut(before, at, after, corners));
@@ -168,7 +181,14 @@ impl Shortener<'_> {
             }
             let gain = now - length(&string);
             let good = gain > self.min_gain || inner == 0 && gain > -1e-3 * self.min_gain;
-            if good && self.word(&string).as_ref() == Some(&word) {
+            if !good {
+                continue;
+            }
+            // Letters are looked at only where there is something to gain.
+            if known.is_none() {
+                known = Some(self.word(&[before, at, after])?);
+            }
+            if self.word(&string) == known {
                 chain
                     .points
                     .splice(i..=i, string[1..=inner].iter().copied());

@@ -23,8 +23,10 @@ pub(crate) fn pieces(
     a: Point2<f64>,
     b: Point2<f64>,
 ) -> Option<Vec<(Letter, Point2<f64>)>> {
-    let (from, to) = (workspace.letter_at(a)?, workspace.letter_at(b)?);
-    let stretches = workspace.trace(a, b).ok()?;
+    let ends = [a, b].map(|at| (at, workspace.locate(at)));
+    let [from, to] = ends.map(|(_, place)| place.letter());
+    let (from, to) = (from?, to?);
+    let stretches = workspace.trace_located(ends).ok()?;
     let mut found = vec![(from, a)];
     for (i, stretch) in stretches.iter().enumerate() {
         if found.last().is_some_and(|last| last.0 == stretch.letter) {

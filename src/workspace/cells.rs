@@ -2,7 +2,7 @@
 
 use geo::{Area, BooleanOps, BoundingRect, Centroid, Coord, InteriorPoint, LineString};
 use geo::{MultiPolygon, TriangulateEarcut};
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 
 use super::{Bounds, Polygon, Region};
 use crate::alphabet::Props;
@@ -10,6 +10,12 @@ use crate::random::{Random, unit};
 
 /// Parts smaller than this share of the squared map side are rounding of the booleans, not space.
 const MIN_AREA: f64 = 2e-9;
+
+/// No more corners of a cell than this are singled out.
+const MAX_CORNERS: usize = 16;
+
+/// How far inside the cell the places at its corners lie: this share of the way to the centre of a triangle there.
+const INWARD: f64 = 0.02;
 
 /// A connected part of the free space that carries one letter.
 #[derive(Clone, Debug)]
@@ -65,6 +71,20 @@ impl Cell {
     #[must_use]
     pub fn inner_point(&self) -> Point2<f64> {
         self.inner
+    }
+
+    /// Places in the cell close to its outer corners, to some of them where there are many.
+    pub(crate) fn corners(&self) -> impl Iterator<Item = Point2<f64>> + '_ {
+        let ring = self.outline.first().map_or(&[][..], Vec::as_slice);
+        let apart = ring.len().div_ceil(MAX_CORNERS).max(1);
+        ring.iter().step_by(apart).filter_map(|&corner| {
+            let around = self.triangles.iter().find(|t| t.contains(&corner))?;
+            let centre = around
+                .iter()
+                .fold(Vector2::zeros(), |sum, v| sum + v.coords)
+                / 3.0;
+            Some(corner + (centre - corner.coords) * INWARD)
+        })
     }
 
     /// The border: first the outer ring, then holes; without closing repetitions.

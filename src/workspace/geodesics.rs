@@ -263,6 +263,26 @@ impl Wavefront {
         visit(self.target);
     }
 
+    /// Where the path from `from` by this corner bends first, or the target. A corner that `from` stands on is no bend: nobody gets on by
+    /// going there.
+    pub(super) fn first_bend(
+        &self,
+        mesh: &Mesh,
+        corner: Option<u32>,
+        from: Point2<f64>,
+        tolerance: f64,
+    ) -> Point2<f64> {
+        let mut p = corner.unwrap_or(NONE);
+        while p != NONE {
+            let at = mesh.point(p);
+            if (at - from).norm() > tolerance {
+                return at;
+            }
+            p = self.next[p as usize];
+        }
+        self.target
+    }
+
     /// The length of the path from a corner; infinite if none is known.
     pub(super) fn length_at(&self, corner: u32) -> f64 {
         self.lengths[corner as usize]

@@ -114,6 +114,17 @@ pub enum Place {
     },
 }
 
+impl Place {
+    /// The letter there; `None` where the robot cannot be.
+    #[must_use]
+    pub fn letter(self) -> Option<Letter> {
+        match self {
+            Self::Free { letter, .. } => Some(letter),
+            Self::Outside | Self::Obstacle(_) => None,
+        }
+    }
+}
+
 /// Why a workspace could not be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -367,10 +378,7 @@ impl Workspace {
     /// The letter at `p`; `None` where the robot cannot be.
     #[must_use]
     pub fn letter_at(&self, p: Point2<f64>) -> Option<Letter> {
-        match self.locate(p) {
-            Place::Free { letter, .. } => Some(letter),
-            Place::Outside | Place::Obstacle(_) => None,
-        }
+        self.locate(p).letter()
     }
 
     /// The lowest-numbered obstacle whose interior contains `p`, or, where several obstacles meet and

@@ -107,7 +107,8 @@ impl Workspace {
     /// Whether the closed segment `ab` stays within the bounds and out of every obstacle.
     #[must_use]
     pub fn is_free_segment(&self, a: Point2<f64>, b: Point2<f64>) -> bool {
-        self.ends_are_free(a, b).is_ok() && self.obstruction(a, b).is_none()
+        let is_free = |at| free(at, self.locate(at)).is_ok();
+        is_free(a) && is_free(b) && self.obstruction(a, b).is_none()
     }
 
     /// As [`Self::is_free_segment`], for ends that are known to be free.
@@ -124,28 +125,31 @@ impl Workspace {
     /// # Errors
     /// The first obstacle found in the way, or that the segment leaves the bounds.
     pub fn trace(&self, a: Point2<f64>, b: Point2<f64>) -> Result<Vec<Stretch>, Blocked> {
-        self.ends_are_free(a, b)?;
+        let ends = [(a, self.locate(a)), (b, self.locate(b))];
+        Ok(self.trace_located(ends)?.into_vec())
+    }
+
+    /// As [`Self::trace`], for ends of which it is known what is there.
+    pub(crate) fn trace_located(
+        &self,
+        ends: [(Point2<f64>, Place); 2],
+    ) -> Result<SmallVec<[Stretch; 4]>, Blocked> {
+        let [from, to] = ends.map(|(at, place)| free(at, place));
+        let ((base, from), (_, to)) = (from?, to?);
+        let [(a, _), (b, _)] = ends;
         if let Some(blocked) = self.obstruction(a, b) {
             return Err(blocked);
         }
-        let base = self.letter_at(a).unwrap_or(Letter(0));
-        let mut found = self.stretches(a, b, base)?.into_vec();
-        let firm = |p| match self.locate(p) {
-            Place::Free {
-                letter,
-                on_boundary: false,
-            } => Some(letter),
-            _ => None,
-        };
+        let mut found = self.stretches(a, b, base)?;
         let length = (b - a).norm();
         if length > self.tolerance {
             // Pieces too short to tell from rounding are left out, but not those at ends.
             let share = self.tolerance / length;
-            if let Some(letter) = firm(a).filter(|&l| found[0].letter != l) {
+            if let Some(letter) = from.filter(|&l| found[0].letter != l) {
                 found[0].start = share;
                 found.insert(0, Stretch { start: 0.0, letter });
             }
-            if let Some(letter) = firm(b).filter(|&l| found[found.len() - 1].letter != l) {
+            if let Some(letter) = to.filter(|&l| found[found.len() - 1].letter != l) {
                 let start = 1.0 - share;
                 found.push(Stretch { start, letter });
             }
@@ -233,15 +237,19 @@ impl Workspace {
         Some([second.start, third.start])
     }
 
-    fn ends_are_free(&self, a: Point2<f64>, b: Point2<f64>) -> Result<(), Blocked> {
-        for at in [a, b] {
-            match self.locate(at) {
-                Place::Outside => return Err(Blocked { by: None, at }),
-                Place::Obstacle(i) => return Err(Blocked { by: Some(i), at }),
-                Place::Free { .. } => {}
-            }
-        }
-        Ok(())
+    /// Where on the segment `ab` the letter of `b` begins that lasts to its end, as a parameter from 0 at `a` to 1 at `b`. Ends
+    /// as for [`Self::step_between`]; `None` where obstacles are in the way.
+    #[must_use]
+    pub(crate) fn entry(
+        &self,
+        a: Point2<f64>,
+        from: Letter,
+        b: Point2<f64>,
+        to: Letter,
+    ) -> Option<f64> {
+        let stretches = self.stretches(a, b, from).ok()?;
+        let last = stretches.last()?;
+        Some(if last.letter == to { last.start } else { 1.0 })
     }
 
     /// Whether [`Self::obstruction`] finds something. Most segments that are blocked run right into an
@@ -390,6 +398,18 @@ impl Workspace {
             found.push(first);
         }
         Ok(found)
+    }
+}
+
+/// The letter of a free place, and the same if the place lies off all borders.
+fn free(at: Point2<f64>, place: Place) -> Result<(Letter, Option<Letter>), Blocked> {
+    match place {
+        Place::Outside => Err(Blocked { by: None, at }),
+        Place::Obstacle(i) => Err(Blocked { by: Some(i), at }),
+        Place::Free {
+            letter,
+            on_boundary,
+        } => Ok((letter, (!on_boundary).then_some(letter))),
     }
 }
 

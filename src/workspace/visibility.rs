@@ -137,8 +137,9 @@ impl VisibilityGraph {
                 None => break self.any_leg(&front, from),
             }
         };
+        let found = found.map(|leg| (leg.length, self.first_bend(&front, leg, from)));
         idle().push(front);
-        found.map(|leg| (leg.length, self.end_of(leg, to)))
+        found
     }
 
     fn ground(&self) -> Ground<'_> {
@@ -158,6 +159,13 @@ impl VisibilityGraph {
     /// The end of a leg on the way to `target`.
     fn end_of(&self, leg: Leg, target: Point2<f64>) -> Point2<f64> {
         leg.corner.map_or(target, |p| self.mesh.point(p))
+    }
+
+    /// Where a leg from `from` ends, or the next one where it has no length.
+    fn first_bend(&self, front: &Wavefront, leg: Leg, from: Point2<f64>) -> Point2<f64> {
+        // Shortened plans turn on corners to the last digit.
+        let tolerance = 4.0 * self.map.tolerance();
+        front.first_bend(&self.mesh, leg.corner, from, tolerance)
     }
 
     /// Whether a leg from `p` is free by the map's own test: the mesh may differ in what rounding does.
@@ -220,7 +228,8 @@ impl PathsTo {
         from: Point2<f64>,
     ) -> Option<(f64, Point2<f64>)> {
         let leg = self.leg_around(graph, from)?;
-        Some((leg.length, graph.end_of(leg, self.target)))
+        let front = self.front.read().unwrap_or_else(PoisonError::into_inner);
+        Some((leg.length, graph.first_bend(&front, leg, from)))
     }
 
     /// The shortest path from `from`, both ends included; `None` if there is none.

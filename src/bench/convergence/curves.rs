@@ -9,7 +9,7 @@ use crate::bench::stats::quantile;
 pub(in crate::bench) enum Along {
     /// Iterations.
     Iterations,
-    /// Seconds, with encoding and networks before the first iteration.
+    /// Seconds, with encoding and networks where they are asked.
     Seconds,
 }
 
@@ -21,14 +21,14 @@ impl Along {
     fn places(self, descent: &Descent) -> impl Iterator<Item = (f64, f64)> {
         descent.improvements.iter().map(move |i| match self {
             Self::Iterations => (i.iterations as f64, i.cost),
-            Self::Seconds => (descent.network_seconds + i.seconds, i.cost),
+            Self::Seconds => (descent.whole(i.iterations, i.seconds), i.cost),
         })
     }
 
     fn end(self, descent: &Descent) -> f64 {
         match self {
             Self::Iterations => descent.iterations as f64,
-            Self::Seconds => descent.network_seconds + descent.seconds,
+            Self::Seconds => descent.whole(descent.iterations, descent.seconds),
         }
     }
 }

@@ -88,7 +88,7 @@ pub struct Descent {
     pub iterations: u64,
     /// Seconds of the whole search.
     pub seconds: f64,
-    /// Seconds of encoding and networks before it.
+    /// Seconds of encoding and networks, before it or when it asked them.
     pub network_seconds: f64,
     /// Whether the checker accepted the last plan; `None` without a plan, or without a formula to
     /// check it by.
@@ -96,6 +96,14 @@ pub struct Descent {
 }
 
 impl Descent {
+    /// Seconds with encoding and networks, for a moment of the search.
+    fn whole(&self, iterations: u64, seconds: f64) -> f64 {
+        match self.contender.strategy.has_asked(iterations) {
+            true => seconds + self.network_seconds,
+            false => seconds,
+        }
+    }
+
     /// After how many iterations and seconds of search the best plan cost at most `share` more than `upper`.
     fn reached(&self, upper: f64, share: f64) -> Option<(u64, f64)> {
         let there = |i: &&Improvement| gap(i.cost, upper) <= share;

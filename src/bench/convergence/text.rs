@@ -117,7 +117,7 @@ impl Convergence {
                 let (iterations, seconds) = reached.unwrap_or((d.iterations, d.seconds));
                 let spent = Spent {
                     iterations: iterations as f64,
-                    milliseconds: 1e3 * (seconds + d.network_seconds),
+                    milliseconds: 1e3 * d.whole(iterations, seconds),
                     never: reached.is_none(),
                 };
                 Some((d.case.as_str(), spent))

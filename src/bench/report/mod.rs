@@ -138,7 +138,7 @@ fn is_compared(contender: &Contender, against: &Contender) -> bool {
     match (contender.strategy, against.strategy) {
         (Strategy::Biased, _) => false,
         (_, Strategy::Biased) => true,
-        (Strategy::Guided | Strategy::Oracle, other) => rules.contains(&other),
+        (Strategy::Guided | Strategy::Auto | Strategy::Oracle, other) => rules.contains(&other),
         _ => false,
     }
 }

@@ -181,7 +181,7 @@ impl Study {
         }
         let asked = contenders
             .iter()
-            .any(|c| c.strategy == super::Strategy::Guided);
+            .any(|c| matches!(c.strategy, super::Strategy::Guided | super::Strategy::Auto));
         let lacking = cases.iter().filter(|c| asked && c.predictions.is_empty());
         Findings {
             version: 2,

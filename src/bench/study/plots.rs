@@ -22,8 +22,9 @@ fn ink(contender: &Contender, all: &[Contender]) -> Ink {
         Strategy::Directed => 2,
         Strategy::Flat => 3,
         Strategy::Guided if further == 0 => 4,
-        Strategy::Guided => 5 + further,
+        Strategy::Guided => 6 + further,
         Strategy::Oracle => 5,
+        Strategy::Auto => 6,
     })
 }
 
@@ -157,6 +158,7 @@ pub(super) fn ratios(report: &Report) -> Option<Chart> {
         Strategy::Directed,
         Strategy::Flat,
         Strategy::Guided,
+        Strategy::Auto,
         Strategy::Oracle,
     ];
     let shown = |r: &&RatioRow| {

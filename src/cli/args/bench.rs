@@ -30,7 +30,7 @@ pub(in crate::cli) struct BenchArgs {
     #[arg(value_name = "SCENARIOS")]
     pub(in crate::cli) scenarios: Vec<PathBuf>,
     /// What to compare
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_values_t = [StrategyName::Uniform, StrategyName::Biased, StrategyName::Directed, StrategyName::Flat, StrategyName::Guided])]
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_values_t = [StrategyName::Uniform, StrategyName::Biased, StrategyName::Directed, StrategyName::Flat, StrategyName::Guided, StrategyName::Auto])]
     pub(in crate::cli) samplers: Vec<StrategyName>,
     /// What runs the networks; with several, guided sampling is run with each
     #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_values_t = [DeviceName::Auto])]
@@ -148,6 +148,8 @@ pub(in crate::cli) enum StrategyName {
     Flat,
     /// Guided by the networks
     Guided,
+    /// What plan does of itself: directed, guided once the search has lasted so long that networks pay
+    Auto,
     /// The guided rule with a data set's labels in place of the networks: the most they could gain
     Oracle,
 }

@@ -311,6 +311,7 @@ fn strategy(name: StrategyName) -> Strategy {
         StrategyName::Directed => Strategy::Directed,
         StrategyName::Flat => Strategy::Flat,
         StrategyName::Guided => Strategy::Guided,
+        StrategyName::Auto => Strategy::Auto,
         StrategyName::Oracle => Strategy::Oracle,
     }
 }
@@ -318,7 +319,8 @@ fn strategy(name: StrategyName) -> Strategy {
 /// The networks on each device, if anyone asks them.
 fn predictors(args: &BenchArgs, console: &Console) -> Result<Vec<Predictor>, Failure> {
     let mut found: Vec<Predictor> = Vec::new();
-    if !args.samplers.contains(&StrategyName::Guided) {
+    let asks = |name: &StrategyName| matches!(name, StrategyName::Guided | StrategyName::Auto);
+    if !args.samplers.iter().any(asks) {
         return Ok(found);
     }
     for &name in &args.device {

@@ -49,6 +49,10 @@ pub(super) fn draw(guide: Option<&Guide>, view: &View<'_>, random: &mut Random) 
     if target.fixed && chance(random, settings.lead) {
         closest = super::leads::choose(view, closest, target);
     }
+    let corner = (settings.p_region > 0.0)
+        .then(|| super::entrance::corner(view, target, random))
+        .flatten();
+    let target = corner.unwrap_or(target);
     if !chance(random, settings.y_rand) {
         return Some(Draw {
             closest: Some(closest),
@@ -61,7 +65,13 @@ pub(super) fn draw(guide: Option<&Guide>, view: &View<'_>, random: &mut Random) 
     }
     let from = view.tree.spot(closest);
     let at = match aim(view, from, target, random)? {
-        Area::Region(letter) => in_region(guide, view, letter, random),
+        Area::Region(letter) if corner.is_some() => {
+            super::entrance::beside(view, target.at, letter, random)
+        }
+        Area::Region(letter) => {
+            let at = in_region(guide, view, letter, random);
+            super::entrance::pulled(view, &from, at, letter, random)
+        }
         Area::Between(a, b, margin) => in_rectangle(guide, view, a, b, margin, random)?,
         Area::Along([a, b]) => a + (b - a) * unit(random),
         Area::Corner(corner) => in_corner(guide, view, from, target, corner, random)?,

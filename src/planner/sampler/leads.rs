@@ -1,11 +1,12 @@
-//! Which node of an automaton state to go on from towards a target: the one with the least way left, until it has
-//! disappointed so often that another one's turn comes.
+//! Which node of an automaton state to go on from towards a target: the one with the least way left (once a plan is known, the
+//! least way by it as a whole), until it has disappointed so often that another one's turn comes.
 //!
 //! Nodes are looked at once for each target that is asked for, a bounded number at a time, so that a sample costs no more
 //! in a large tree than in a small one.
 
 use std::cmp::Ordering;
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::HashMap;
+use std::collections::binary_heap::{BinaryHeap, PeekMut};
 use std::sync::Arc;
 
 use super::View;
@@ -18,19 +19,52 @@ use crate::planner::tree::NodeId;
 /// Nodes that are looked at for one sample, at most.
 const AT_ONCE: usize = 64;
 
-/// What a node counts as further away, relative to the map's side, when no single leg leads from it to the
-/// target: other letters are in between, which cost a site or more.
-const DETOUR: f64 = 0.3;
+/// How nodes are compared.
+struct Weights {
+    /// Whether the way to the node counts.
+    whole: bool,
+    /// What a node counts as further away, relative to the map's side, when no single leg leads from it to the target: other letters
+    /// are in between, which cost a site or more.
+    detour: f64,
+    /// What a node counts as further away, relative to the map's side, each time that it was chosen. Where the shortest way leads
+    /// through what the automaton forbids, others get their turn.
+    weariness: f64,
+}
 
-/// What a node counts as further away, relative to the map's side, each time that it was chosen. Where the shortest way
-/// leads through what the automaton forbids, others get their turn.
-const WEARINESS: f64 = 0.03;
+/// A first plan should take few samples.
+const FIRST: Weights = Weights {
+    whole: false,
+    detour: 0.3,
+    weariness: 0.03,
+};
+
+/// A better one takes other ways than the one that was tried.
+const BETTER: Weights = Weights {
+    whole: true,
+    detour: 0.02,
+    weariness: 0.1,
+};
+
+impl Weights {
+    fn of(view: &View<'_>) -> Self {
+        if view.is_improving() { BETTER } else { FIRST }
+    }
+
+    /// The way to a node, as far as it counts.
+    fn spent(&self, view: &View<'_>, node: NodeId) -> f64 {
+        if self.whole {
+            view.tree.cost(node)
+        } else {
+            0.0
+        }
+    }
+}
 
 /// What samplers remember of a tree.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Leads {
-    /// The nodes that were looked at, by automaton state, step and target.
-    queues: HashMap<(StateId, Step, [u64; 2]), Queue>,
+    /// The nodes that were looked at, by automaton state, step, target, and whether the way to the node counts.
+    queues: HashMap<(StateId, Step, [u64; 2], bool), Queue>,
     pub(super) passages: Passages,
     /// Once it was asked for.
     closing: Option<Option<Arc<Closing>>>,
@@ -64,6 +98,8 @@ struct Queue {
 struct Lead {
     left: f64,
     node: NodeId,
+    /// Whether `left` is more than the least that it can be: ways are looked up for those nodes only whose turn could be next.
+    known: bool,
 }
 
 impl Ord for Lead {
@@ -73,6 +109,7 @@ impl Ord for Lead {
             .left
             .total_cmp(&self.left)
             .then(other.node.cmp(&self.node))
+            .then(other.known.cmp(&self.known))
     }
 }
 
@@ -95,27 +132,44 @@ impl Eq for Lead {}
 pub(super) fn choose(view: &View<'_>, drawn: NodeId, target: Target) -> NodeId {
     let state = view.tree.state(drawn);
     let side = view.system.bounds().side();
+    let weights = Weights::of(view);
     let at = [target.at.x.to_bits(), target.at.y.to_bits()];
-    let key = (state, target.step, at);
+    let key = (state, target.step, at, view.is_improving());
     let known = view.tree.leads().borrow_mut().queues.remove(&key);
     let mut queue = known.unwrap_or_default();
     let nodes = view.tree.in_state(state);
     for &node in nodes.iter().skip(queue.seen).take(AT_ONCE) {
         queue.seen += 1;
-        if let Some(left) = left(view, node, target) {
-            queue.nodes.push(Lead { left, node });
+        let straight = view.system.distance(view.tree.spot(node).at, target.at);
+        queue.nodes.push(Lead {
+            left: weights.spent(view, node) + straight,
+            node,
+            known: false,
+        });
+    }
+    let mut chosen = None;
+    while let Some(mut lead) = queue.nodes.peek_mut() {
+        if lead.known {
+            lead.left += weights.weariness * side;
+            chosen = Some(lead.node);
+            break;
+        }
+        match left(view, &weights, lead.node, target) {
+            Some(left) => {
+                lead.left = weights.spent(view, lead.node) + left;
+                lead.known = true;
+            }
+            None => {
+                PeekMut::pop(lead);
+            }
         }
     }
-    let chosen = queue.nodes.peek_mut().map(|mut lead| {
-        lead.left += WEARINESS * side;
-        lead.node
-    });
     view.tree.leads().borrow_mut().queues.insert(key, queue);
     chosen.unwrap_or(drawn)
 }
 
 /// The way left from a node to another place, with a surcharge if it takes more than one leg.
-fn left(view: &View<'_>, node: NodeId, target: Target) -> Option<f64> {
+fn left(view: &View<'_>, weights: &Weights, node: NodeId, target: Target) -> Option<f64> {
     let spot = view.tree.spot(node);
     let state = view.tree.state(node);
     let mut steps = view.task.nba.successors(state, spot.letter);
@@ -125,6 +179,6 @@ fn left(view: &View<'_>, node: NodeId, target: Target) -> Option<f64> {
     let leg = first_leg(view, &spot, target)?;
     let there = view.system.settle(target.at)?;
     let open = leg.to == target.at && view.system.step(&spot, &there);
-    let surcharge = if open { 0.0 } else { DETOUR };
+    let surcharge = if open { 0.0 } else { weights.detour };
     Some(leg.length + surcharge * view.system.bounds().side())
 }

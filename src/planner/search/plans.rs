@@ -3,7 +3,7 @@
 use super::{Best, ENTRY_PERIOD, Search};
 use crate::plan::{Cost, Path, Waypoint};
 use crate::planner::Improvement;
-use crate::planner::polish::Polish;
+use crate::planner::polish::{Kind, PROMISING, Polish};
 use crate::planner::suffix::Entry;
 use crate::planner::tree::NodeId;
 use crate::shorten::Shortener;
@@ -125,16 +125,20 @@ impl Search<'_> {
     }
 
     /// Takes note of a plan as one that could be shortened.
-    fn offer(&mut self, goal: NodeId, tree: Option<usize>, cost: Cost) {
+    fn offer(&mut self, goal: NodeId, suffix: Option<usize>, cost: Cost) {
         // Not before there is something to shorten: a first plan should not wait for it.
         if self.polish.is_none() && self.settings.shortens() {
             let map = self.problem.system.plane();
             let shortener = |map| Shortener::new(map, &self.problem.task, self.problem.weight);
             self.polish = map.map(|map| Polish::new(shortener(map)));
         }
+        let hopeless = |best: &Best| cost.total > PROMISING * best.cost.total;
+        if self.best.as_ref().is_some_and(hopeless) {
+            return;
+        }
         if let Some(polish) = &mut self.polish {
-            let kind = (self.prefix.state(goal), self.prefix.spot(goal).letter, tree);
-            polish.offer(kind, goal, cost.total);
+            let word = self.prefix.word_to(goal);
+            polish.offer(Kind { suffix, word }, goal, cost.total);
         }
     }
 
@@ -179,7 +183,7 @@ impl Search<'_> {
         let Some(next) = polish.next(self.stats.iterations, best.cost.total) else {
             return;
         };
-        let path = match next.kind.2 {
+        let path = match next.kind.suffix {
             None => {
                 let prefix = self.prefix.path(next.goal);
                 let suffix = prefix.last().map(|&end| vec![end]);

@@ -103,6 +103,39 @@ fn samplers(problem: &Problem) -> [Sampler; 4] {
 }
 
 #[test]
+fn networks_are_asked_once_and_only_by_a_search_that_lasts() {
+    let problem = problem(p(0.1, 0.1), 0.5, visit);
+    let states = problem.task.nba.len();
+    let asked = Arc::new(std::sync::atomic::AtomicUsize::new(0));
+    let search = |iterations: u64, threads: usize, answers: bool| {
+        let count = Arc::clone(&asked);
+        count.store(0, std::sync::atomic::Ordering::Relaxed);
+        let deferred = Deferred::new(50, move || {
+            count.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            // Another heatmap than a flat one: the lower half alone.
+            let mut guidance = Guidance::flat(states);
+            for row in guidance.heatmap.values.chunks_exact_mut(200) {
+                row[100..].fill(0.0);
+            }
+            answers.then(|| Guide::new(&guidance, states).unwrap())
+        });
+        let settings = Settings {
+            iterations,
+            threads,
+            ..Settings::default()
+        };
+        let found = run(&problem, &Sampler::Deferred(deferred), &settings).unwrap();
+        let directed = run(&problem, &Sampler::Directed, &settings).unwrap();
+        let times = asked.load(std::sync::atomic::Ordering::Relaxed);
+        (times, found.edges == directed.edges)
+    };
+    assert_eq!(search(50, 1, true), (0, true), "over before");
+    assert_eq!(search(51, 1, false), (1, true), "no answer: directed");
+    assert_eq!(search(400, 1, true), (1, false));
+    assert_eq!(search(400, 3, true).0, 1, "one answer for all searches");
+}
+
+#[test]
 fn a_reach_mission_ends_in_a_trivial_suffix_near_the_optimum() {
     let problem = problem(p(0.1, 0.1), 0.5, visit);
     for sampler in samplers(&problem) {

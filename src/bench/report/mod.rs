@@ -226,6 +226,7 @@ fn ratio_row(
 pub(super) mod tests {
     use super::*;
     use crate::bench::Times;
+    use crate::planner::Deferred;
     use crate::planner::Settings;
 
     const CAP: u64 = 20_000;
@@ -285,6 +286,20 @@ pub(super) mod tests {
             ]
         });
         Report::new(comparison(&BOTH), complex_from, runs.collect())
+    }
+
+    #[test]
+    fn the_time_of_networks_counts_from_when_they_are_asked() {
+        let asked = Deferred::WORTH_IT + 1;
+        for (strategy, iterations, networks) in [
+            (Strategy::Guided, 1, 2.5),
+            (Strategy::Auto, asked - 1, 0.0),
+            (Strategy::Auto, asked, 2.5),
+        ] {
+            let trial = trial("m", None, strategy, Some(iterations));
+            let whole = 1e3 * trial.seconds_until(trial.plan);
+            assert!((whole - networks - 0.01 * iterations as f64).abs() < 1e-9);
+        }
     }
 
     #[test]

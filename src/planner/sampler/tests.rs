@@ -67,6 +67,17 @@ fn draws(
     sampler: &Sampler,
     further: &[Point2<f64>],
 ) -> Vec<(Point2<f64>, Option<Point2<f64>>)> {
+    draws_for(false, world, settings, sampler, further)
+}
+
+/// The same, in the search for better plans if one is known already.
+fn draws_for(
+    reached: bool,
+    world: &(Continuous, Task),
+    settings: &Settings,
+    sampler: &Sampler,
+    further: &[Point2<f64>],
+) -> Vec<(Point2<f64>, Option<Point2<f64>>)> {
     let (system, task) = world;
     let mut tree = Tree::new(system, &task.nba, system.start(), &task.nba.initial);
     for &at in further {
@@ -79,7 +90,7 @@ fn draws(
         task,
         settings,
         tree: &tree,
-        aim: Aim::Prefix { reached: false },
+        aim: Aim::Prefix { reached },
     };
     (0..DRAWS)
         .filter_map(|_| sampler.draw(&view, &mut random))
@@ -226,4 +237,56 @@ fn a_node_whose_letter_takes_another_step_does_not_lead() {
     // The node inside has seen b: all that is left for it is a.
     let wrong = share(&found, |d| d.1 == Some(inside) && within(d.0, inside, 0.05));
     assert!(wrong < 0.05, "{wrong} go from b to b");
+}
+
+#[test]
+fn regions_are_met_where_they_are_entered() {
+    let world = world(Vec::new());
+    let border = |at: Point2<f64>| (at.x - 0.8).min(at.y - 0.1).abs() < 1e-3;
+    let found = draws(&world, &mostly_directed(), &Sampler::Directed, &[]);
+    let hits = share(&found, |d| border(d.0));
+    assert!(hits > 0.7, "{hits} lie where the legs enter the region");
+    let found = draws(&world, &by_the_paper(), &Sampler::Directed, &[]);
+    let hits = share(&found, |d| border(d.0));
+    assert!(hits < 0.1, "by the paper's rule {hits} lie there");
+}
+
+#[test]
+fn better_plans_are_looked_for_at_the_corners_of_a_region() {
+    let world = world(Vec::new());
+    let corners = [p(0.8, 0.1), p(0.9, 0.1), p(0.9, 0.2), p(0.8, 0.2)];
+    let around = |at: Point2<f64>, k: usize| within(at, corners[k], 0.01);
+    let shares = |reached: bool, settings: &Settings| -> [f64; 4] {
+        let found = draws_for(reached, &world, settings, &Sampler::Directed, &[]);
+        std::array::from_fn(|k| share(&found, |d| around(d.0, k)))
+    };
+    let better = shares(true, &mostly_directed());
+    assert!(better.iter().all(|&s| s > 0.05), "{better:?}");
+    let first = shares(false, &mostly_directed());
+    assert!(first[2] < 0.02, "the far corner: {first:?}");
+    let paper = shares(true, &by_the_paper());
+    assert!(paper.iter().all(|&s| s < 0.05), "{paper:?}");
+}
+
+#[test]
+fn a_node_on_a_corner_goes_on_to_the_next() {
+    // Shortened plans turn on corners to the last digit, and are put into the tree.
+    let world = world(a_wall());
+    let corner = p(0.4, 0.7);
+    for reached in [false, true] {
+        let found = draws_for(
+            reached,
+            &world,
+            &mostly_directed(),
+            &Sampler::Directed,
+            &[corner],
+        );
+        let from: Vec<_> = found.iter().filter(|d| d.1 == Some(corner)).collect();
+        let on = share(&from, |d| within(d.0, p(0.6, 0.7), 0.045));
+        assert!(
+            from.len() > DRAWS / 4 && on > 0.8,
+            "{on} of {} lie around the next corner",
+            from.len()
+        );
+    }
 }

@@ -222,8 +222,8 @@ fn short_searches_do_not_wait_for_the_networks() {
         object["plan"]["sampler"].as_str().unwrap().to_owned()
     };
     assert_eq!(sampler(&["--first"]), "directed");
-    assert_eq!(sampler(&["--iterations", "100"]), "directed");
-    assert_eq!(sampler(&["--iterations", "101"]), "guided");
+    assert_eq!(sampler(&["--iterations", "200"]), "directed");
+    assert_eq!(sampler(&["--iterations", "201"]), "guided");
     assert_eq!(sampler(&[]), "guided");
     assert_eq!(sampler(&["--first", "--sampler", "guided"]), "guided");
 }

@@ -227,7 +227,7 @@ pub(super) struct SearchArgs {
 /// Where to look next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum SamplerName {
-    /// Guided if the networks fit the mission and the search is long enough for them to pay, else directed
+    /// Directed for 200 samples; the networks, if they fit the mission, guide what comes after
     #[default]
     Auto,
     /// Uniformly over the free space

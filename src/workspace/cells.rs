@@ -73,18 +73,26 @@ impl Cell {
         self.inner
     }
 
-    /// Places in the cell close to its outer corners, to some of them where there are many.
-    pub(crate) fn corners(&self) -> impl Iterator<Item = Point2<f64>> + '_ {
-        let ring = self.outline.first().map_or(&[][..], Vec::as_slice);
-        let apart = ring.len().div_ceil(MAX_CORNERS).max(1);
-        ring.iter().step_by(apart).filter_map(|&corner| {
-            let around = self.triangles.iter().find(|t| t.contains(&corner))?;
-            let centre = around
-                .iter()
-                .fold(Vector2::zeros(), |sum, v| sum + v.coords)
-                / 3.0;
-            Some(corner + (centre - corner.coords) * INWARD)
-        })
+    /// How many of the outer corners are singled out: all where there are few.
+    pub(crate) fn corner_count(&self) -> usize {
+        let corners = self.outline.first().map_or(0, Vec::len);
+        corners.div_ceil(Self::corners_apart(corners))
+    }
+
+    /// A place in the cell close to one of these corners.
+    pub(crate) fn corner(&self, k: usize) -> Option<Point2<f64>> {
+        let ring = self.outline.first()?;
+        let corner = *ring.get(k * Self::corners_apart(ring.len()))?;
+        let around = self.triangles.iter().find(|t| t.contains(&corner))?;
+        let centre = around
+            .iter()
+            .fold(Vector2::zeros(), |sum, v| sum + v.coords)
+            / 3.0;
+        Some(corner + (centre - corner.coords) * INWARD)
+    }
+
+    fn corners_apart(corners: usize) -> usize {
+        corners.div_ceil(MAX_CORNERS).max(1)
     }
 
     /// The border: first the outer ring, then holes; without closing repetitions.

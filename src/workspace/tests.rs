@@ -481,3 +481,48 @@ fn shortest_paths_do_not_depend_on_what_was_asked_before() {
     }
     assert!(bends > 300, "{bends}");
 }
+
+#[test]
+fn places_at_corners_lie_in_the_cell_and_are_few() {
+    let round = |n: usize| -> Vec<Point2<f64>> {
+        let corner = |k: usize| {
+            let (sin, cos) = (k as f64 / n as f64 * std::f64::consts::TAU).sin_cos();
+            p(0.5 + 0.2 * cos, 0.5 + 0.2 * sin)
+        };
+        (0..n).map(corner).collect()
+    };
+    let hook = [
+        (0.1, 0.1),
+        (0.9, 0.1),
+        (0.9, 0.2),
+        (0.2, 0.2),
+        (0.2, 0.9),
+        (0.1, 0.9),
+    ];
+    let outlines = [
+        round(3),
+        round(16),
+        round(17),
+        round(100),
+        hook.map(|(x, y)| p(x, y)).to_vec(),
+    ];
+    for (outline, count) in outlines.into_iter().zip([3, 16, 9, 15, 6]) {
+        let polygon = Polygon::new(outline.clone()).unwrap();
+        let m = map(vec![], vec![region("a", polygon)]);
+        let letter = m
+            .alphabet()
+            .letters()
+            .find(|&l| !m.alphabet().props(l).is_empty());
+        let [cell] = m.cells(letter.unwrap()) else {
+            panic!("one cell");
+        };
+        assert_eq!(cell.corner_count(), count);
+        for k in 0..count {
+            let at = cell.corner(k).unwrap();
+            let off = |c: &Point2<f64>| (c - at).norm();
+            let nearest = outline.iter().map(off).fold(f64::INFINITY, f64::min);
+            assert!(cell.contains(at) && m.letter_at(at) == letter && nearest < 0.02);
+        }
+        assert!(cell.corner(count).is_none());
+    }
+}

@@ -5,6 +5,7 @@
 //! one side, and the shortest plan on the other.
 
 use nalgebra::Point2;
+use smallvec::SmallVec;
 
 use super::View;
 use super::choices::Target;
@@ -32,8 +33,8 @@ pub(super) fn corner(view: &View<'_>, target: Target, random: &mut Random) -> Op
     }
     let mut cells = map.cells(letter).iter();
     let cell = cells.find(|c| c.inner_point() == target.at)?;
-    let corners: smallvec::SmallVec<[Point2<f64>; 16]> = cell.corners().collect();
-    let &at = choose(random, &corners)?;
+    let corners: SmallVec<[usize; 16]> = (0..cell.corner_count()).collect();
+    let at = cell.corner(*choose(random, &corners)?)?;
     Some(Target { at, ..target })
 }
 

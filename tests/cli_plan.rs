@@ -229,6 +229,22 @@ fn short_searches_do_not_wait_for_the_networks() {
 }
 
 #[test]
+fn a_heatmap_that_was_not_written_is_not_listed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("heat.npy");
+    let heatmap = path.to_str().unwrap();
+    let files = |more: &[&str]| {
+        let arguments = [&["--json", "-q", "--first", "--heatmap", heatmap], more].concat();
+        let object = plan("case-study.toml", &arguments).json();
+        let listed = object["files"].as_array().unwrap().len();
+        let told = object["notices"].to_string().contains("was not written");
+        (listed, told, path.exists())
+    };
+    assert_eq!(files(&[]), (0, true, false));
+    assert_eq!(files(&["--sampler", "guided"]), (1, false, true));
+}
+
+#[test]
 fn the_exact_planner_beats_sampling_here() {
     let exact = plan("case-study.toml", &["--sampler", "exact", "--json"]).json();
     let sampled = plan("case-study.toml", &["--json"]).json();

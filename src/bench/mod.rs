@@ -143,6 +143,14 @@ pub struct Case {
 }
 
 impl Case {
+    /// The order in which so many contenders search this mission. Each is first on some missions: whoever comes first finds caches
+    /// cold, and would seem slower than it is.
+    fn turns(&self, contenders: usize) -> impl Iterator<Item = usize> + use<> {
+        let hash = |hash: usize, byte: u8| hash.wrapping_mul(31).wrapping_add(usize::from(byte));
+        let first = self.name.bytes().fold(0, hash);
+        (0..contenders).map(move |k| (first % contenders + k) % contenders)
+    }
+
     /// The predictions that guide a contender.
     fn prediction(&self, contender: &Contender) -> Option<&Prediction> {
         match &contender.device {

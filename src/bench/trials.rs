@@ -126,8 +126,10 @@ pub(super) fn of_case(
     comparison: &Comparison,
     stop: &Stop,
 ) -> Result<Option<Vec<Trial>>, BenchError> {
-    let mut trials = Vec::new();
-    for contender in &comparison.contenders {
+    let contenders = &comparison.contenders;
+    let mut trials: Vec<Vec<Trial>> = vec![Vec::new(); contenders.len()];
+    for turn in case.turns(contenders.len()) {
+        let contender = &contenders[turn];
         let Some(sampler) = case.sampler(contender)? else {
             continue;
         };
@@ -145,10 +147,10 @@ pub(super) fn of_case(
                 return Ok(None);
             }
             let stats = stats(case, found)?;
-            trials.push(trial(case, contender, &settings, &stats));
+            trials[turn].push(trial(case, contender, &settings, &stats));
         }
     }
-    Ok(Some(trials))
+    Ok(Some(trials.concat()))
 }
 
 /// What a search did, whether or not it found a plan.

@@ -209,10 +209,9 @@ pub(super) fn write_files(
                 let bytes = files::heatmap_bytes(path, &guidance.heatmap)?;
                 files::write(path, &bytes, console)?;
             }
-            None => console.warn(&format!(
-                "{} was not written: the networks did not run",
-                path.display()
-            )),
+            None => {
+                console.warn(&unwritten(path));
+            }
         }
     }
     if args.svg.is_none() && args.png.is_none() {
@@ -249,19 +248,35 @@ fn picture<'a>(args: &PlanArgs, scenario: &'a Scenario, planned: &'a Planned) ->
     picture
 }
 
+/// Why there is no heatmap at a place where one was asked for.
+fn unwritten(heatmap: &Path) -> String {
+    format!(
+        "{} was not written: the search ended before it asked the networks, or went by another sampler (--sampler guided asks them first, nngtl heatmap does nothing else)",
+        heatmap.display()
+    )
+}
+
 /// The summary for programs.
 pub(super) fn to_json(args: &PlanArgs, scenario: &Scenario, planned: &Planned) -> Value {
-    let files: Vec<&Path> = [&args.out, &args.svg, &args.png, &args.heatmap]
-        .into_iter()
-        .flatten()
-        .map(|p| p.as_path())
+    let heatmap = args.heatmap.as_deref();
+    let (written, missing) = match planned.guidance {
+        Some(_) => (heatmap, None),
+        None => (None, heatmap),
+    };
+    let files = [&args.out, &args.svg, &args.png].into_iter().flatten();
+    let files: Vec<&Path> = files.map(|p| p.as_path()).chain(written).collect();
+    let notices: Vec<String> = planned
+        .notices
+        .iter()
+        .cloned()
+        .chain(missing.map(unwritten))
         .collect();
     json!({
         "version": JSON_VERSION,
         "outcome": "planned",
         "word": planned.verified.word.show(scenario.workspace.alphabet()),
         "verified": true,
-        "notices": planned.notices,
+        "notices": notices,
         "files": files,
         "plan": planned.file,
     })

@@ -183,12 +183,14 @@ pub(super) fn of_case(
     let reference = reference(case, bounds);
     let mut descents = Vec::new();
     if reference.is_some() {
-        for contender in contenders {
-            descents.extend(descend(case, contender, settings, stop)?);
+        let mut found: Vec<Option<Descent>> = contenders.iter().map(|_| None).collect();
+        for k in case.turns(contenders.len()) {
+            found[k] = descend(case, &contenders[k], settings, stop)?;
             if stop.is_raised() {
                 return Ok(None);
             }
         }
+        descents.extend(found.into_iter().flatten());
     }
     Ok((!stop.is_raised()).then_some(Searched {
         reference,

@@ -394,13 +394,13 @@ pub(super) enum ModelCommand {
 /// How guided sampling goes beyond the paper; 0 is the paper's rule.
 #[derive(Args, Clone, Debug)]
 pub(super) struct GuidedArgs {
-    /// Guided: probability to extend the node with the least way left, not one drawn uniformly
+    /// Directed and guided: probability to extend the node with the least way left, not one drawn uniformly
     #[arg(long, value_name = "P", default_value_t = Settings::default().lead)]
     pub(super) lead: f64,
-    /// Guided: probability to draw from the target's region, or one on the way, once a straight leg leads there
+    /// Directed and guided: probability to draw from the target's region, or one on the way, once a straight leg leads there
     #[arg(long, value_name = "P", default_value_t = Settings::default().p_region)]
     pub(super) p_region: f64,
-    /// Guided: half side of the square around the next corner of the shortest way, relative to the map's side
+    /// Directed and guided: half side of the square around the next corner of the shortest way, relative to the map's side
     #[arg(long, value_name = "R", default_value_t = Settings::default().corner)]
     pub(super) corner: f64,
 }

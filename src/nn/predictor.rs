@@ -29,7 +29,7 @@ pub const HEATMAP_SIDE: usize = 200;
 pub enum PredictError {
     /// The mission uses more regions than the networks were trained for.
     #[error(
-        "the mission uses {used} regions, the networks were trained for {labels}: plan without guidance or use another model"
+        "the mission uses {used} regions, the networks were trained for {labels}: --sampler directed plans without them, --model takes others"
     )]
     TooManyRegions {
         /// Regions that the mission uses.

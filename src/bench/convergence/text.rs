@@ -68,15 +68,20 @@ impl Convergence {
             for (k, mark) in self.marks.iter().enumerate() {
                 let (gaps, missing) = self.gaps(contender, k);
                 let within = |limit: f64| gaps.iter().filter(|&&g| g <= limit).count();
+                // Of no plans there is nothing to say.
+                let shown = |gap: f64| match gaps.as_slice() {
+                    [] => "–".to_owned(),
+                    _ => percent(gap),
+                };
                 let _ = writeln!(
                     text,
                     "| {} | {} | {missing} | {} | {} | {} | {} | {} | {} |",
                     contender,
                     mark.name(),
-                    percent(mean(&gaps)),
-                    percent(quantile(&gaps, 0.5)),
-                    percent(quantile(&gaps, 0.9)),
-                    percent(gaps.iter().copied().fold(f64::NEG_INFINITY, f64::max)),
+                    shown(mean(&gaps)),
+                    shown(quantile(&gaps, 0.5)),
+                    shown(quantile(&gaps, 0.9)),
+                    shown(gaps.iter().copied().fold(f64::NEG_INFINITY, f64::max)),
                     within(0.01),
                     within(0.001),
                 );

@@ -331,20 +331,22 @@ impl<'a> Tree<'a> {
         self.index.nearest(p).unwrap_or(SiteId(0))
     }
 
-    /// As [`Self::nearest`]; what is `near` is likely to be asked for by [`Self::extend`] next.
-    pub(crate) fn nearest_of(&mut self, p: Point2<f64>, near: Near) -> SiteId {
+    /// As [`Self::nearest`], and its place; what is `near` is likely to be asked for by [`Self::extend`] next.
+    pub(crate) fn nearest_of(&mut self, p: Point2<f64>, near: Near) -> (SiteId, Point2<f64>) {
         if self.finite || self.sites.len() < LARGE {
-            return self.nearest(p);
+            let site = self.nearest(p);
+            return (site, self.site_spot(site).at);
         }
         let began = self.clock.start();
         self.ask(p, near);
         self.clock.stop(began, |s| &mut s.near);
         let Some(first) = self.hits.iter().min() else {
-            return self.nearest(p);
+            let site = self.nearest(p);
+            return (site, self.site_spot(site).at);
         };
         let ties = self.hits.iter().filter(|h| h.square() == first.square());
-        let sites = ties.map(|h| self.index.rank_at(h.slot).site);
-        sites.min().unwrap_or(SiteId(0))
+        let ties = ties.map(|h| (self.index.rank_at(h.slot).site, self.index.place_at(h.slot)));
+        ties.min_by_key(|t| t.0).unwrap_or((SiteId(0), p))
     }
 
     /// Looks for the sites `near` a place, unless that is what was asked last.
@@ -534,15 +536,19 @@ impl<'a> Tree<'a> {
         self.owed.push(0.0);
         self.list_node(site, state, id);
         let letter = self.site_spot(site).letter;
+        let row = self.steps.row(letter, state);
         let targets = self
             .steps
-            .range(letter, state)
+            .range_of(row)
             .fold(0, |set, k| set | bit(self.steps.target(k)));
         let alone = self.sites[site.0 as usize].len == 1;
         let rank = self.index.rank_mut(site);
+        if !alone {
+            rank.set_most(rank.most().max(cost));
+        }
         rank.only = if alone { id.0 } else { NONE };
+        rank.row = row;
         rank.least = rank.least.min(cost);
-        rank.most = rank.most.max(cost);
         rank.targets |= targets;
         self.by_state[state.index()].push(id);
         self.touched.push(id);

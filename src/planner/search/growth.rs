@@ -34,12 +34,12 @@ pub(super) fn grow(
     tree.sampled(began);
     let side = problem.system.bounds().side();
     let near = settings.near(tree.site_count(), side);
-    let anchor = match closest {
-        Some(node) => tree.site_of(node),
+    let (anchor, from) = match closest {
+        Some(node) => (tree.site_of(node), tree.spot(node).at),
         None => tree.nearest_of(at, near),
     };
     let at = match settings.range {
-        Some(range) => steer(tree.site_spot(anchor).at, at, range * side),
+        Some(range) => steer(from, at, range * side),
         None => at,
     };
     if problem.system.distance(tree.root().at, at) >= limit {
@@ -62,7 +62,7 @@ pub(super) fn grow_to(
         return false;
     };
     let near = settings.near(tree.site_count(), problem.system.bounds().side());
-    let anchor = tree.nearest_of(at, near);
+    let (anchor, _) = tree.nearest_of(at, near);
     tree.extend(spot, near, &[anchor]).is_some()
 }
 

@@ -17,6 +17,7 @@ const PICKS: usize = 6;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Neighbour {
     pub(super) site: SiteId,
+    at: Point2<f64>,
     pub(super) distance: f64,
     /// The least cost of any node there, plus the distance: what an edge from there costs at least.
     pub(super) bound: f64,
@@ -25,19 +26,23 @@ pub(super) struct Neighbour {
     targets: u64,
     /// Its node, if it has one and no more.
     only: u32,
+    /// Its letter and the state of one of its nodes.
+    row: u32,
     /// Whether a move is possible, once that was asked.
     pub(super) visible: Option<bool>,
 }
 
 impl Neighbour {
-    fn new(distance: f64, rank: &Rank) -> Self {
+    fn new(at: Point2<f64>, distance: f64, rank: &Rank) -> Self {
         Self {
             site: rank.site,
+            at,
             distance,
             bound: rank.least + distance,
-            most: rank.most,
+            most: rank.most(),
             targets: rank.targets,
             only: rank.only,
+            row: rank.row,
             visible: None,
         }
     }
@@ -124,7 +129,7 @@ impl Tree<'_> {
             let distance = self.system.distance(there.at, spot.at);
             neighbours.push(Neighbour {
                 visible: Some(true),
-                ..Neighbour::new(distance, self.index.rank(site))
+                ..Neighbour::new(there.at, distance, self.index.rank(site))
             });
         }
         self.index.at(spot.at)
@@ -143,11 +148,9 @@ impl Tree<'_> {
         let known = self.add_hits(spot.at, neighbours);
         for &site in also {
             if known != Some(site) && !neighbours.iter().any(|n| n.site == site) {
-                let distance = self
-                    .system
-                    .distance(self.sites[site.0 as usize].at, spot.at);
-                let rank = self.index.rank(site);
-                neighbours.push(Neighbour::new(distance, rank));
+                let at = self.sites[site.0 as usize].at;
+                let distance = self.system.distance(at, spot.at);
+                neighbours.push(Neighbour::new(at, distance, self.index.rank(site)));
             }
         }
         known
@@ -185,9 +188,9 @@ impl Tree<'_> {
         let mut known = None;
         for hit in &self.hits {
             let distance = hit.square().sqrt();
-            let rank = self.index.rank_at(hit.slot);
-            if distance > 0.0 || self.sites[rank.site.0 as usize].at != at {
-                neighbours.push(Neighbour::new(distance, rank));
+            let (rank, place) = (self.index.rank_at(hit.slot), self.index.place_at(hit.slot));
+            if distance > 0.0 || place != at {
+                neighbours.push(Neighbour::new(place, distance, rank));
             } else {
                 known = Some(rank.site);
             }
@@ -233,26 +236,46 @@ impl Tree<'_> {
         ways: &mut Ways,
         reach: &mut Reach,
     ) {
-        let letter = self.sites[neighbour.site.0 as usize].letter;
-        for i in 0..self.count_at(neighbour) {
-            let (state, node) = self.nth_at(neighbour, i);
+        if neighbour.only != NONE {
+            // Most sites have one node alone; what counts of it is known without reading it.
+            let way = (NodeId(neighbour.only), neighbour.row, neighbour.bound);
+            self.enter_from(way, spot, neighbour, ways, reach);
+            return;
+        }
+        let letter = self.steps.letter(neighbour.row);
+        for i in 0..self.at_site(neighbour.site).len() {
+            let (state, node) = self.at_site(neighbour.site)[i];
             let cost = self.cost(node) + neighbour.distance;
-            if cost >= self.limit {
-                continue;
-            }
-            for k in self.steps.range(letter, state) {
-                let target = self.steps.target(k);
-                if ways.cost(target) <= cost {
-                    continue;
-                }
-                if !self.is_visible(neighbour, spot) {
-                    return;
-                }
-                ways.set(target, cost, node, neighbour.distance);
-                reach.states |= bit(target);
-                reach.most = f64::max(reach.most, cost);
+            let way = (node, self.steps.row(letter, state), cost);
+            if cost < self.limit && !self.enter_from(way, spot, neighbour, ways, reach) {
+                return;
             }
         }
+    }
+
+    /// The states of `spot` that one node leads to, whose row and cost there are known. False if no move is possible.
+    #[inline]
+    fn enter_from(
+        &mut self,
+        (node, row, cost): (NodeId, u32, f64),
+        spot: &Spot,
+        neighbour: &mut Neighbour,
+        ways: &mut Ways,
+        reach: &mut Reach,
+    ) -> bool {
+        for k in self.steps.range_of(row) {
+            let target = self.steps.target(k);
+            if ways.cost(target) <= cost {
+                continue;
+            }
+            if !self.is_visible(neighbour, spot) {
+                return false;
+            }
+            ways.set(target, cost, node, neighbour.distance);
+            reach.states |= bit(target);
+            reach.most = f64::max(reach.most, cost);
+        }
+        true
     }
 
     /// Step 6: reroutes neighbours through `site` where that is cheaper.
@@ -300,15 +323,18 @@ impl Tree<'_> {
             self.reparent(old, from, cost);
             improved = true;
         }
+        if neighbour.only != NONE && self.steps.stays(neighbour.row) {
+            return; // no other node hangs on it here, and what is known of it is right
+        }
         if improved {
             self.settle(neighbour.site);
         }
         if neighbour.only != NONE {
-            return; // what was known of it is right
+            return;
         }
         let costs = self.at_site(neighbour.site).iter();
         let most = costs.map(|&(_, n)| self.cost(n)).fold(0.0, f64::max);
-        self.index.rank_mut(neighbour.site).most = most;
+        self.index.rank_mut(neighbour.site).set_most(most);
     }
 
     /// How many nodes there are at a neighbour.
@@ -320,7 +346,7 @@ impl Tree<'_> {
         }
     }
 
-    /// One of them. Most sites have one node alone, which is found without reading the site's list.
+    /// One of them; of a site with one node, found without reading the site's list.
     #[inline]
     fn nth_at(&self, neighbour: &Neighbour, i: usize) -> (StateId, NodeId) {
         match neighbour.only {
@@ -334,7 +360,11 @@ impl Tree<'_> {
             return known;
         }
         let began = self.clock.start();
-        let visible = self.system.step(&self.site_spot(neighbour.site), spot);
+        let from = Spot {
+            at: neighbour.at,
+            letter: self.steps.letter(neighbour.row),
+        };
+        let visible = self.system.step(&from, spot);
         self.clock.stop(began, |s| &mut s.collision);
         neighbour.visible = Some(visible);
         visible

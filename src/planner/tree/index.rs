@@ -12,6 +12,7 @@
 
 use nalgebra::Point2;
 
+use super::near::Descent;
 use super::{NONE, SiteId};
 
 /// Sites of a leaf. Scanning this many costs about as much as two steps down the tree.
@@ -22,16 +23,19 @@ const SMALL: usize = 2_048;
 
 /// What is asked of every site that is near.
 #[derive(Clone, Copy, Debug)]
+#[repr(align(32))] // never in two cache lines
 pub(super) struct Rank {
     /// The least cost of its nodes.
     pub(super) least: f64,
-    /// No node costs more.
-    pub(super) most: f64,
     /// The states that can follow its nodes, each as bit number `state mod 64`.
     pub(super) targets: u64,
     pub(super) site: SiteId,
     /// Its node, if it has one and no more.
     pub(super) only: u32,
+    /// Its letter and the state of one of its nodes, as [`super::Steps`] counts them.
+    pub(super) row: u32,
+    /// Of a site with several nodes: none costs more.
+    most: f32,
 }
 
 impl Rank {
@@ -39,22 +43,38 @@ impl Rank {
     const fn none(site: SiteId) -> Self {
         Self {
             least: f64::INFINITY,
-            most: 0.0,
             targets: 0,
             site,
             only: NONE,
+            row: 0,
+            most: 0.0,
         }
     }
-}
 
-impl Rank {
+    /// No node of the site costs more.
+    #[inline]
+    pub(super) fn most(&self) -> f64 {
+        if self.only == NONE {
+            f64::from(self.most)
+        } else {
+            self.least
+        }
+    }
+
+    /// As [`Self::most`], for a site with several nodes.
+    pub(super) fn set_most(&mut self, cost: f64) {
+        let most = cost as f32;
+        self.most = if f64::from(most) < cost {
+            most.next_up()
+        } else {
+            most
+        };
+    }
+
     /// One of its nodes costs less than before.
     #[inline]
     pub(super) fn lower(&mut self, cost: f64) {
         self.least = self.least.min(cost);
-        if self.only != NONE {
-            self.most = cost;
-        }
     }
 }
 
@@ -161,7 +181,7 @@ impl Bucket {
         lines.fold(0, |sum, x| sum ^ x.to_bits())
     }
 
-    fn place(&self, i: usize) -> [f64; 2] {
+    pub(super) fn place(&self, i: usize) -> [f64; 2] {
         self.places.map(|axis| axis[i])
     }
 
@@ -197,6 +217,8 @@ pub(super) struct SiteIndex {
     pub(super) corners: [[f64; 2]; 2],
     /// How many sites there were when branches and buckets were last put in order.
     ordered: usize,
+    /// The way to the point that was asked for last.
+    pub(super) descent: Descent,
 }
 
 impl Default for SiteIndex {
@@ -207,6 +229,7 @@ impl Default for SiteIndex {
             slots: Vec::new(),
             corners: [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]],
             ordered: 0,
+            descent: Descent::default(),
         }
     }
 }
@@ -225,6 +248,12 @@ impl SiteIndex {
             self.corners[1][axis] = self.corners[1][axis].max(x);
         }
         let mut leaf = 0;
+        if self.descent.to.take() == Some([at.x, at.y]) {
+            for step in &self.descent.steps {
+                self.branches[step.branch as usize].len += 1;
+            }
+            leaf = self.descent.leaf;
+        }
         let bucket = loop {
             self.branches[leaf].len += 1;
             let branch = self.branches[leaf];
@@ -269,26 +298,26 @@ impl SiteIndex {
         }
     }
 
-    /// Puts branches and buckets in depth-first order.
+    /// Puts branches and buckets in depth-first order. Buckets are moved within their array: another one would
+    /// be memory that the system has to hand out first.
     fn put_in_order(&mut self) {
+        self.descent.to = None;
         self.ordered = self.slots.len();
-        // Room for what is added until the next time.
-        let room = |len: usize| len + len * 2 / 3; // buckets fill, and are split, in waves
-        let mut branches = Vec::with_capacity(room(self.branches.len()));
-        let mut buckets: Vec<Bucket> = Vec::with_capacity(room(self.buckets.len()));
+        let mut branches = Vec::with_capacity(self.branches.len() * 5 / 4 + 2);
+        // For each place in the order the bucket that belongs there.
+        let mut order = Vec::with_capacity(self.buckets.len());
         branches.push(self.branches[0]);
         let mut open = Vec::with_capacity(64);
         open.push(0);
         while let Some(i) = open.pop() {
             let branch: Branch = branches[i];
             if let Some(bucket) = branch.bucket() {
-                let moved = &self.buckets[bucket];
-                let len = branch.len as usize;
-                for (k, rank) in moved.ranks[..len].iter().enumerate() {
-                    self.slots[rank.site.0 as usize] = Slot::new(buckets.len(), k);
+                branches[i] = Branch::leaf(order.len(), branch.len as usize);
+                let ranks = &self.buckets[bucket].ranks[..branch.len as usize];
+                for (k, rank) in ranks.iter().enumerate() {
+                    self.slots[rank.site.0 as usize] = Slot::new(order.len(), k);
                 }
-                branches[i] = Branch::leaf(buckets.len(), len);
-                buckets.push(moved.clone());
+                order.push(bucket);
             } else {
                 let next = branches.len();
                 branches[i].next = (2 * next + branch.axis()) as u32;
@@ -296,7 +325,8 @@ impl SiteIndex {
                 open.extend([next + 1, next]);
             }
         }
-        (self.branches, self.buckets) = (branches, buckets);
+        self.branches = branches;
+        permute(&mut self.buckets, &mut order);
     }
 
     #[inline]
@@ -325,6 +355,13 @@ impl SiteIndex {
         &self.buckets[bucket].ranks[i]
     }
 
+    /// The place of the site that stands there.
+    #[inline]
+    pub(super) fn place_at(&self, slot: Slot) -> Point2<f64> {
+        let (bucket, i) = slot.split();
+        Point2::from(self.buckets[bucket].place(i))
+    }
+
     #[inline]
     pub(super) fn rank(&self, site: SiteId) -> &Rank {
         self.rank_at(self.slots[site.0 as usize])
@@ -334,5 +371,25 @@ impl SiteIndex {
     pub(super) fn rank_mut(&mut self, site: SiteId) -> &mut Rank {
         let (bucket, i) = self.slots[site.0 as usize].split();
         &mut self.buckets[bucket].ranks[i]
+    }
+}
+
+/// Moves to each place what stands where `from` says, a permutation, of which the identity is left.
+fn permute<T: Clone>(items: &mut [T], from: &mut [usize]) {
+    for first in 0..items.len() {
+        if from[first] == first {
+            continue;
+        }
+        let displaced = items[first].clone();
+        let mut hole = first;
+        loop {
+            let next = std::mem::replace(&mut from[hole], hole);
+            if next == first {
+                break;
+            }
+            items[hole] = items[next].clone();
+            hole = next;
+        }
+        items[hole] = displaced;
     }
 }

@@ -62,15 +62,35 @@ impl Near {
     }
 }
 
+/// How a point was looked up: the branches on the way down to its leaf.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Descent {
+    /// The point, until an insertion changes what lies below.
+    pub(super) to: Option<[f64; 2]>,
+    pub(super) steps: Vec<Step>,
+    pub(super) leaf: usize,
+}
+
+/// A split on the way down.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Step {
+    pub(super) branch: u32,
+    /// The branch on the other side.
+    beyond: u32,
+    /// How far that side is away along each axis.
+    off: [f64; 2],
+}
+
 impl SiteIndex {
     /// Puts the sites that are near `p` into `hits`, in no particular order.
-    pub(super) fn near(&self, p: Point2<f64>, near: Near, hits: &mut Vec<Hit>) {
+    pub(super) fn near(&mut self, p: Point2<f64>, near: Near, hits: &mut Vec<Hit>) {
         hits.clear();
         if near.count == 0 {
             return;
         }
         let (p, whole) = ([p.x, p.y], near.radius * near.radius);
-        let guess = self.guess(p, near.count);
+        let mut descent = std::mem::take(&mut self.descent);
+        let guess = self.descend(p, near.count, &mut descent);
         // Where all in the circle are wanted, the circle stays as it is.
         let all = near.count >= self.branches[0].len as usize;
         for limit in [guess.min(whole), whole] {
@@ -85,40 +105,60 @@ impl SiteIndex {
                 waits: 0,
                 together: if all || limit < whole { TOGETHER } else { 1 },
             };
-            self.collect(0, [0.0; 2], &mut found);
+            self.collect(descent.leaf, [0.0; 2], &mut found);
+            for step in descent.steps.iter().rev() {
+                if square(step.off) <= found.limit {
+                    self.collect(step.beyond as usize, step.off, &mut found);
+                }
+            }
             found.read();
             found.cut();
             if hits.len() == near.count || limit == whole {
-                return;
+                break;
             }
         }
+        self.descent = descent;
     }
 
-    /// The squared radius of a circle around `p` that should hold a few more than `count` sites: as
-    /// many as are spread over it at the density of the least part of the index around `p` that holds more.
-    fn guess(&self, p: [f64; 2], count: usize) -> f64 {
+    /// Looks `p` up. Returns the squared radius of a circle around it that should hold a few more than `count`
+    /// sites: as many as are spread over it at the density of the least part of the index around `p` that holds
+    /// more.
+    fn descend(&self, p: [f64; 2], count: usize, descent: &mut Descent) -> f64 {
         let few = count.saturating_mul(PART);
         let [mut low, mut high] = self.corners;
         let mut branch = self.branches[0];
-        if (branch.len as usize) < few.max(BUCKET).saturating_mul(2) {
-            return f64::INFINITY;
-        }
+        let known = (branch.len as usize) >= few.max(BUCKET).saturating_mul(2);
+        let (mut part, mut within) = (branch.len, true);
+        descent.to = Some(p);
+        descent.steps.clear();
+        let mut at = 0;
         while branch.bucket().is_none() {
             let axis = branch.axis();
-            let side = usize::from(p[axis] >= branch.at());
-            let next = self.branches[branch.next() + side];
-            if (next.len as usize) < few {
-                break;
-            }
-            if side == 0 {
-                high[axis] = branch.at();
-            } else {
-                low[axis] = branch.at();
+            let ahead = p[axis] - branch.at();
+            let side = usize::from(ahead >= 0.0);
+            let mut off = [0.0; 2];
+            off[axis] = ahead;
+            descent.steps.push(Step {
+                branch: at as u32,
+                beyond: (branch.next() + 1 - side) as u32,
+                off,
+            });
+            at = branch.next() + side;
+            let next = self.branches[at];
+            within = within && next.len as usize >= few;
+            if within {
+                let corner = if side == 0 { &mut high } else { &mut low };
+                corner[axis] = branch.at();
+                part = next.len;
             }
             branch = next;
         }
+        descent.leaf = at;
+        if !known {
+            return f64::INFINITY;
+        }
         let area = (high[0] - low[0]) * (high[1] - low[1]);
-        let square = SLACK * count as f64 * area / (std::f64::consts::PI * f64::from(branch.len));
+        let square = SLACK * count as f64 * area / (std::f64::consts::PI * f64::from(part));
         // Near the border of all sites much of the circle is empty.
         let radius = square.sqrt();
         let share = |axis: usize| {
@@ -143,7 +183,7 @@ impl SiteIndex {
         self.collect(next + side, off, found);
         let mut beyond = off;
         beyond[axis] = ahead;
-        if beyond[0] * beyond[0] + beyond[1] * beyond[1] <= found.limit {
+        if square(beyond) <= found.limit {
             self.collect(next + 1 - side, beyond, found);
         }
     }
@@ -174,10 +214,15 @@ impl SiteIndex {
         self.closest(next + side, p, off, best);
         let mut beyond = off;
         beyond[axis] = ahead;
-        if beyond[0] * beyond[0] + beyond[1] * beyond[1] <= best.0 {
+        if square(beyond) <= best.0 {
             self.closest(next + 1 - side, p, beyond, best);
         }
     }
+}
+
+#[inline]
+fn square(off: [f64; 2]) -> f64 {
+    off[0] * off[0] + off[1] * off[1]
 }
 
 /// The nearest sites so far, and up to as many again that are not yet told from them.
@@ -223,7 +268,9 @@ impl Found<'_> {
                 };
                 kept += usize::from(square <= self.limit);
             }
-            self.hits.extend_from_slice(&near[..kept]);
+            // Copying all of them is faster than copying some.
+            self.hits.extend_from_slice(&near);
+            self.hits.truncate(self.hits.len() - BUCKET + kept);
         }
         self.waits = 0;
         if self.hits.len() >= self.count.saturating_mul(2) {
@@ -263,11 +310,22 @@ mod tests {
     fn queries_agree_with_a_scan() {
         let all = places(6_000, 1);
         let mut index = SiteIndex::default();
+        let mut hits = Vec::new();
+        let few = Near {
+            radius: 0.1,
+            count: 5,
+            more: 0,
+        };
         for (i, &p) in all.iter().enumerate() {
+            // What was asked last is now the place itself, now another.
+            match i % 3 {
+                0 => index.near(p, few, &mut hits),
+                1 => index.near(all[i / 2], few, &mut hits),
+                _ => {}
+            }
             assert_eq!(index.insert(p), SiteId(i as u32));
             index.rank_mut(SiteId(i as u32)).least = i as f64;
         }
-        let mut hits = Vec::new();
         for (k, q) in places(300, 2).into_iter().enumerate() {
             let mut scan: Vec<(f64, SiteId)> = all
                 .iter()

@@ -31,10 +31,33 @@ impl Steps {
         }
     }
 
+    /// The number of a letter and a state together.
+    #[inline]
+    pub(super) fn row(&self, letter: Letter, state: StateId) -> u32 {
+        (letter.index() * self.states + state.index()) as u32
+    }
+
+    /// Whether a row's state is followed by itself at most.
+    pub(super) fn stays(&self, row: u32) -> bool {
+        let state = StateId(row % self.states as u32);
+        self.range_of(row).all(|k| self.target(k) == state)
+    }
+
+    /// The letter of a row.
+    pub(super) fn letter(&self, row: u32) -> Letter {
+        Letter(row / self.states as u32)
+    }
+
     /// The numbers of the entries that follow `state` when it reads `letter`, by ascending state.
     #[inline]
     pub(super) fn range(&self, letter: Letter, state: StateId) -> std::ops::Range<usize> {
-        let i = letter.index() * self.states + state.index();
+        self.range_of(self.row(letter, state))
+    }
+
+    /// As [`Self::range`], by row.
+    #[inline]
+    pub(super) fn range_of(&self, row: u32) -> std::ops::Range<usize> {
+        let i = row as usize;
         self.begins[i] as usize..self.begins[i + 1] as usize
     }
 

@@ -15,12 +15,12 @@ impl Tree<'_> {
                 child = self.nodes[child as usize].next_sibling;
             }
             let rank = self.index.rank(node.site);
-            assert!(rank.least <= node.cost && node.cost <= rank.most);
+            assert!(rank.least <= node.cost && node.cost <= rank.most());
             let here = &self.sites[node.site.0 as usize];
             let nodes = self.at_site(node.site);
             let only = if nodes.len() == 1 { i as u32 } else { NONE };
             assert_eq!(rank.only, only);
-            assert!(only == NONE || rank.most == node.cost);
+            assert!(only == NONE || rank.most() == node.cost);
             assert!(nodes.is_sorted_by_key(|&(q, _)| q));
             let same = nodes.iter().filter(|(q, _)| *q == node.state);
             assert_eq!(same.map(|&(_, n)| n.0).collect::<Vec<_>>(), [i as u32]);

@@ -5,7 +5,6 @@
 //! Guards of automata are sets of letters, so every question a planner asks an automaton is a
 //! bit test. This module knows neither geometry nor automata.
 
-use std::collections::HashMap;
 use std::fmt;
 
 use fixedbitset::FixedBitSet;
@@ -101,8 +100,8 @@ pub enum AlphabetError {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Alphabet {
     propositions: Vec<String>,
+    /// Ascending.
     letters: Vec<Props>,
-    by_props: HashMap<Props, Letter>,
 }
 
 impl Alphabet {
@@ -134,15 +133,9 @@ impl Alphabet {
         if letters.is_empty() || letters.iter().any(beyond) {
             return Err(AlphabetError::BadLetters);
         }
-        let by_props = letters
-            .iter()
-            .enumerate()
-            .map(|(i, &p)| (p, Letter(i as u32)))
-            .collect();
         Ok(Self {
             propositions,
             letters,
-            by_props,
         })
     }
 
@@ -204,7 +197,8 @@ impl Alphabet {
     /// The letter in which exactly `props` hold, if it occurs.
     #[must_use]
     pub fn letter(&self, props: Props) -> Option<Letter> {
-        self.by_props.get(&props).copied()
+        let found = self.letters.binary_search(&props);
+        found.ok().map(|i| Letter(i as u32))
     }
 
     /// The letters in which proposition `index` holds.

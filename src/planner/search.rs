@@ -4,8 +4,9 @@ mod growth;
 mod plans;
 mod turns;
 
-use std::collections::HashMap;
 use std::time::Instant;
+
+use rustc_hash::FxHashMap;
 
 use super::advice::advice;
 use super::parallel::{self, Race};
@@ -109,7 +110,7 @@ pub(super) struct Search<'a> {
     /// Goals at which staying is not enough, in the order they were found.
     open_goals: Vec<NodeId>,
     suffixes: Vec<SuffixTree<'a>>,
-    suffix_of: HashMap<NodeId, usize>,
+    suffix_of: FxHashMap<NodeId, usize>,
     suffix_iterations: u64,
     /// No suffix tree is opened before so many of them.
     next_opening: u64,
@@ -152,7 +153,7 @@ impl<'a> Search<'a> {
             staying: staying_accepts(&problem.task),
             open_goals: Vec::new(),
             suffixes: Vec::new(),
-            suffix_of: HashMap::new(),
+            suffix_of: FxHashMap::default(),
             suffix_iterations: 0,
             next_opening: 0,
             turn: 0,

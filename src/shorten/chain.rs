@@ -3,7 +3,7 @@
 use nalgebra::{Point2, Vector2};
 use smallvec::SmallVec;
 
-use super::pull::{least, star_point, taut};
+use super::pull::{least, mirror, star_point, taut};
 use super::{Shortener, inward_normal, word_of};
 use crate::plan::Path;
 
@@ -209,7 +209,14 @@ impl Shortener<'_> {
         let star =
             |p: Point2<f64>| -> f64 { neighbours.iter().map(|&(n, w)| (p - n).norm() * w).sum() };
         let now = star(at);
-        let mut places = self.places(at, &star);
+        let best = |a: Point2<f64>, b: Point2<f64>| match neighbours[..] {
+            [(from, v), (to, w)] if v == w => match mirror(a, b, from, to) {
+                Some(p) => (star(p), p),
+                None => least(a, b, &star),
+            },
+            _ => least(a, b, &star),
+        };
+        let mut places = self.places(at, &best);
         if let [(a, v), (b, w), (c, x)] = neighbours[..] {
             // Where the suffix is entered nothing may hold the point but its three legs.
             let free = star_point([a, b, c], [v, w, x]);
@@ -301,11 +308,11 @@ impl Shortener<'_> {
             })
     }
 
-    /// For every border near `at`, the best place beside it, with its length.
+    /// For every border near `at`, the best place beside it, with its length, by a function that finds it on a segment.
     fn places(
         &self,
         at: Point2<f64>,
-        length: &impl Fn(Point2<f64>) -> f64,
+        best: &impl Fn(Point2<f64>, Point2<f64>) -> (f64, Point2<f64>),
     ) -> Vec<(f64, Point2<f64>)> {
         let reach = Vector2::repeat(REACH * self.map.bounds().side());
         let mut places = Vec::new();
@@ -319,9 +326,9 @@ impl Shortener<'_> {
                 let inward = inward_normal(a, b) * self.inset;
                 if (b - a).norm() > 4.0 * self.inset {
                     let along = along * 1.5;
-                    places.push(least(a + along + inward, b - along + inward, length));
+                    places.push(best(a + along + inward, b - along + inward));
                 }
-                places.push(least(a - inward, b - inward, length));
+                places.push(best(a - inward, b - inward));
             }
         }
         places

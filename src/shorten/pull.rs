@@ -56,6 +56,27 @@ pub(super) fn taut(
     found
 }
 
+/// The point of the segment `ab` where the way from `from` to `to` by it is shortest: where a straight way crosses the
+/// segment once `to` is folded over to the other side (Hero of Alexandria, *Catoptrica*). `None` if both lie on
+/// the segment's line.
+pub(super) fn mirror(
+    a: Point2<f64>,
+    b: Point2<f64>,
+    from: Point2<f64>,
+    to: Point2<f64>,
+) -> Option<Point2<f64>> {
+    let along = b - a;
+    let off = |p: Point2<f64>| along.perp(&(p - a)).abs();
+    let t = |p: Point2<f64>| along.dot(&(p - a)) / along.norm_squared();
+    let (here, there) = (off(from), off(to));
+    let sum = here + there;
+    if sum <= 1e-12 * along.norm_squared() {
+        return None;
+    }
+    let t = (t(from) * there + t(to) * here) / sum;
+    Some(a + along * t.clamp(0.0, 1.0))
+}
+
 /// The point of the segment `ab` where a convex function is least, by golden-section search, and
 /// its value.
 pub(super) fn least(

@@ -143,6 +143,18 @@ fn loops_shrink_to_the_shortest_between_regions() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
+    /// Hero's point is where the way by the segment is shortest, on whichever sides the ends lie.
+    #[test]
+    fn mirror_points_are_shortest(ends in proptest::array::uniform8(0.0..1.0_f64)) {
+        let [ax, ay, bx, by, x, y, u, v] = ends;
+        let (a, b, from, to) = (p(ax, ay), p(bx, by), p(x, y), p(u, v));
+        prop_assume!((b - a).norm() > 1e-3);
+        let way = |q: Point2<f64>| (q - from).norm() + (to - q).norm();
+        let found = pull::mirror(a, b, from, to).expect("not on one line");
+        let (least, _) = pull::least(a, b, &way);
+        prop_assert!((way(found) - least).abs() < 1e-9, "{} {least}", way(found));
+    }
+
     /// The taut string is free wherever the given one is, no longer, and clear of all corners.
     #[test]
     fn taut_strings_clear_their_corners(

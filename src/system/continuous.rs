@@ -1,9 +1,10 @@
 //! The continuous workspace as a transition system: straight segments, Euclidean lengths.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::Point2;
+use rustc_hash::FxHashMap;
 
 use super::{Landmark, Leg, Spot, TransitionSystem};
 use crate::alphabet::{Alphabet, Letter, LetterSet};
@@ -52,7 +53,7 @@ pub struct Continuous {
     ways: Ways,
     /// By the letters that may be passed: shortest ways that keep out of all other regions. `None` where there is
     /// nothing to keep out of, or no map would be left.
-    around: Mutex<HashMap<LetterSet, Option<Arc<Ways>>>>,
+    around: Mutex<FxHashMap<LetterSet, Option<Arc<Ways>>>>,
     start: Spot,
     landmarks: Vec<Vec<Landmark>>,
     /// For each letter and cell, the number of the landmark that stands for it.
@@ -71,7 +72,7 @@ struct Ways {
 #[derive(Debug, Default)]
 struct Known {
     /// By the bits of the targets' coordinates.
-    paths: HashMap<[u64; 2], Arc<PathsTo>>,
+    paths: FxHashMap<[u64; 2], Arc<PathsTo>>,
     /// The targets, oldest first.
     order: VecDeque<[u64; 2]>,
 }
@@ -166,6 +167,28 @@ impl Continuous {
         let ways = self.without(through).map(Arc::new);
         around.insert(through.clone(), ways.clone());
         ways
+    }
+
+    /// The first leg of the shortest way around the obstacles, where the straight way is blocked and that one keeps to the letters
+    /// of `through` by itself: many do, and then no map without the other regions has to be prepared.
+    fn allowed_leg(
+        &self,
+        from: Point2<f64>,
+        to: Point2<f64>,
+        through: &LetterSet,
+    ) -> Option<Leg> {
+        let map = self.map();
+        if map.is_free_between(from, to) {
+            return None;
+        }
+        let paths = self.ways.paths_to(to);
+        let (length, bend) = paths.bend(self.graph(), from)?;
+        let (mut at, mut allowed) = (from, true);
+        paths.bends(self.graph(), from, &mut |p| {
+            allowed = allowed && map.passes(at, p, through);
+            at = p;
+        });
+        allowed.then_some(Leg { to: bend, length })
     }
 
     fn without(&self, through: &LetterSet) -> Option<Ways> {
@@ -275,6 +298,9 @@ impl TransitionSystem for Continuous {
         if self.map().passes(from, to, through) {
             let length = (to - from).norm();
             return Some(Leg { to, length });
+        }
+        if let Some(leg) = self.allowed_leg(from, to, through) {
+            return Some(leg);
         }
         let Some(ways) = self.around(through) else {
             return self.first_leg(from, to, true);

@@ -7,6 +7,7 @@ use nalgebra::Point2;
 use parry2d_f64::bounding_volume::Aabb;
 use parry2d_f64::math::Vector;
 use parry2d_f64::partitioning::{Bvh, BvhBuildStrategy, BvhNode};
+use smallvec::SmallVec;
 
 use super::bands::Bands;
 use super::{Polygon, Side};
@@ -21,13 +22,32 @@ pub(super) struct Edge {
     pub(super) to: Point2<f64>,
 }
 
-/// Bounding-volume hierarchies over polygons and over their edges.
+/// So many boxes are looked at one after another; more in a hierarchy.
+const FEW: usize = 24;
+
+/// Polygons of more edges than this are not few boxes.
+const SHORT: usize = 16;
+
+/// Bounding-volume hierarchies over polygons and over their edges; of few polygons with few edges, lists.
 #[derive(Clone)]
 pub(super) struct PolygonIndex {
     edges: Vec<Edge>,
-    edge_tree: Bvh,
-    polygon_tree: Bvh,
+    boxes: Boxes,
     bands: Vec<Option<Bands>>,
+}
+
+#[derive(Clone)]
+enum Boxes {
+    Few {
+        polygons: Vec<Extent>,
+        /// For each polygon where its edges begin and end.
+        spans: Vec<[u32; 2]>,
+        edges: Vec<Extent>,
+    },
+    Many {
+        polygons: Bvh,
+        edges: Bvh,
+    },
 }
 
 impl PolygonIndex {
@@ -36,31 +56,44 @@ impl PolygonIndex {
         polygons: impl Iterator<Item = &'a Polygon> + Clone,
         tolerance: f64,
     ) -> Self {
-        let polygons_again = polygons.clone();
-        let edges: Vec<Edge> = polygons
-            .clone()
-            .enumerate()
-            .flat_map(|(i, p)| {
-                p.edges().map(move |(from, to)| Edge {
-                    polygon: i as u32,
-                    from,
-                    to,
-                })
+        let of_polygon = |i: usize, p: &'a Polygon| {
+            p.edges().map(move |(from, to)| Edge {
+                polygon: i as u32,
+                from,
+                to,
             })
-            .collect();
-        let edge_boxes: Vec<Aabb> = edges
+        };
+        let numbered = polygons.clone().enumerate();
+        let edges: Vec<Edge> = numbered.flat_map(|(i, p)| of_polygon(i, p)).collect();
+        let edge_boxes = edges
             .iter()
-            .map(|e| boxed(e.from.inf(&e.to), e.from.sup(&e.to), tolerance))
-            .collect();
-        let boxes: Vec<Aabb> = polygons
-            .map(|p| boxed(p.min(), p.max(), tolerance))
-            .collect();
-        let bands = polygons_again.map(|p| Bands::new(p, tolerance)).collect();
+            .map(|e| boxed(e.from.inf(&e.to), e.from.sup(&e.to), tolerance));
+        let boxes = polygons
+            .clone()
+            .map(|p| boxed(p.min(), p.max(), tolerance));
+        let lens = polygons.clone().map(|p| p.vertices().len());
+        let is_few = lens.clone().count() <= FEW && lens.clone().all(|len| len <= SHORT);
+        let boxes = if is_few {
+            let spans = lens.scan(0, |begin, len| {
+                let end = *begin + len as u32;
+                Some([std::mem::replace(begin, end), end])
+            });
+            Boxes::Few {
+                spans: spans.collect(),
+                polygons: boxes.map(|b| Extent::of(&b)).collect(),
+                edges: edge_boxes.map(|b| Extent::of(&b)).collect(),
+            }
+        } else {
+            let tree = |boxes: &[Aabb]| Bvh::from_leaves(BvhBuildStrategy::Binned, boxes);
+            Boxes::Many {
+                polygons: tree(&boxes.collect::<Vec<_>>()),
+                edges: tree(&edge_boxes.collect::<Vec<_>>()),
+            }
+        };
         Self {
-            bands,
+            bands: polygons.map(|p| Bands::new(p, tolerance)).collect(),
             edges,
-            edge_tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &edge_boxes),
-            polygon_tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes),
+            boxes,
         }
     }
 
@@ -79,22 +112,47 @@ impl PolygonIndex {
         }
     }
 
-    /// The edges whose boxes the segment `ab` meets.
-    pub(super) fn edges_near(
+    /// Visits the edges whose boxes the segment `ab` meets, until `visit` has found what it looks for.
+    #[inline]
+    pub(super) fn edges_near<T>(
         &self,
         a: Point2<f64>,
         b: Point2<f64>,
-    ) -> impl Iterator<Item = &Edge> + '_ {
-        self.edge_tree
-            .leaves(move |node| segment_meets(node, a, b))
-            .map(|i| &self.edges[i as usize])
+        mut visit: impl FnMut(&Edge) -> Option<T>,
+    ) -> Option<T> {
+        let mut visit = |i: u32| visit(&self.edges[i as usize]);
+        match &self.boxes {
+            Boxes::Few {
+                polygons,
+                spans,
+                edges,
+            } => {
+                let probe = Probe::new(a, b);
+                let met = polygons.iter().zip(spans).filter(|p| probe.meets(p.0));
+                let numbers = met.flat_map(|(_, &[begin, end])| begin..end);
+                let mut near = numbers.filter(|&i| probe.meets(&edges[i as usize]));
+                near.find_map(visit)
+            }
+            Boxes::Many { edges, .. } => {
+                let mut near = edges.leaves(|node| segment_meets(node, a, b));
+                near.find_map(&mut visit)
+            }
+        }
     }
 
     /// The polygons whose boxes contain `p`.
-    pub(super) fn polygons_near(&self, p: Point2<f64>) -> impl Iterator<Item = usize> + '_ {
-        self.polygon_tree
-            .leaves(move |node| segment_meets(node, p, p))
-            .map(|i| i as usize)
+    #[inline]
+    pub(super) fn polygons_near(&self, p: Point2<f64>) -> SmallVec<[usize; 8]> {
+        match &self.boxes {
+            Boxes::Few { polygons, .. } => {
+                let numbers = polygons.iter().enumerate();
+                numbers.filter(|n| n.1.contains(p)).map(|n| n.0).collect()
+            }
+            Boxes::Many { polygons, .. } => {
+                let near = polygons.leaves(|node| segment_meets(node, p, p));
+                near.map(|i| i as usize).collect()
+            }
+        }
     }
 }
 
@@ -136,6 +194,55 @@ impl BoxIndex {
 impl std::fmt::Debug for BoxIndex {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("BoxIndex").finish_non_exhaustive()
+    }
+}
+
+/// A box by its centre and half its sides.
+#[derive(Clone, Copy)]
+struct Extent {
+    centre: [f64; 2],
+    half: [f64; 2],
+}
+
+impl Extent {
+    fn of(b: &Aabb) -> Self {
+        let (centre, half) = (b.center(), b.half_extents());
+        Self {
+            centre: [centre.x, centre.y],
+            half: [half.x, half.y],
+        }
+    }
+
+    #[inline]
+    fn contains(&self, p: Point2<f64>) -> bool {
+        (p.x - self.centre[0]).abs() <= self.half[0] && (p.y - self.centre[1]).abs() <= self.half[1]
+    }
+}
+
+/// A segment that boxes are held against, as in [`segment_meets`].
+#[derive(Clone, Copy)]
+struct Probe {
+    middle: [f64; 2],
+    along: [f64; 2],
+}
+
+impl Probe {
+    fn new(a: Point2<f64>, b: Point2<f64>) -> Self {
+        Self {
+            middle: [(a.x + b.x) / 2.0, (a.y + b.y) / 2.0],
+            along: [b.x - a.x, b.y - a.y],
+        }
+    }
+
+    #[inline]
+    fn meets(&self, b: &Extent) -> bool {
+        let [dx, dy] = self.along;
+        let (x, y) = (b.centre[0] - self.middle[0], b.centre[1] - self.middle[1]);
+        let (dx_size, dy_size) = (dx.abs(), dy.abs());
+        // All three are found, and then asked for: none of them is likely enough to wait for.
+        (x.abs() <= b.half[0] + dx_size / 2.0)
+            & (y.abs() <= b.half[1] + dy_size / 2.0)
+            & ((dx * y - dy * x).abs() <= dy_size * b.half[0] + dx_size * b.half[1])
     }
 }
 

@@ -5,9 +5,9 @@
 //! idea of snap rounding (J. D. Hobby, "Practical segment intersection with finite precision output",
 //! 1999), with the tolerance of the map in the place of a pixel.
 
-use std::collections::HashMap;
 
 use nalgebra::Point2;
+use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
 use super::index::BoxIndex;
@@ -24,7 +24,7 @@ pub(super) struct Lines {
 #[derive(Clone, Debug)]
 pub(super) struct Points {
     pub(super) at: Vec<Point2<f64>>,
-    buckets: HashMap<[i64; 2], SmallVec<[u32; 2]>>,
+    buckets: FxHashMap<[i64; 2], SmallVec<[u32; 2]>>,
     snap: f64,
 }
 
@@ -32,7 +32,7 @@ impl Points {
     fn new(snap: f64) -> Self {
         Self {
             at: Vec::new(),
-            buckets: HashMap::new(),
+            buckets: FxHashMap::default(),
             snap,
         }
     }
@@ -44,8 +44,10 @@ impl Points {
 
     /// The point within the snapping distance of `p`, if there is one; the nearest of several.
     pub(super) fn find(&self, p: Point2<f64>) -> Option<u32> {
-        let [x, y] = self.bucket(p);
-        let around = (-1..=1).flat_map(|i| (-1..=1).map(move |j| [x + i, y + j]));
+        // Four buckets at most; a little more than the distance, since rounding must not hide one.
+        let reach = nalgebra::Vector2::repeat(1.01 * self.snap);
+        let ([x0, y0], [x1, y1]) = (self.bucket(p - reach), self.bucket(p + reach));
+        let around = (x0..=x1).flat_map(|x| (y0..=y1).map(move |y| [x, y]));
         let distance = |&i: &u32| (self.at[i as usize] - p).norm_squared();
         around
             .filter_map(|key| self.buckets.get(&key))

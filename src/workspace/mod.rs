@@ -443,6 +443,7 @@ impl Workspace {
         let index = &self.obstacle_index;
         index
             .polygons_near(p)
+            .into_iter()
             .any(|i| index.side_of(i, &self.obstacles[i], p, tolerance) != Side::Outside)
     }
 

@@ -3,6 +3,7 @@
 use nalgebra::{Point2, Vector2};
 use smallvec::SmallVec;
 
+use super::index::PolygonIndex;
 use super::{Place, Side, Workspace};
 use crate::alphabet::{Letter, LetterSet, Props};
 
@@ -260,15 +261,12 @@ impl Workspace {
             return false;
         }
         let mut met = false;
-        for edge in self.obstacle_index.edges_near(a, b) {
-            if let Some(p) = segment.behind(edge.from, edge.to, self.tolerance)
-                && self.obstacle_side(edge.polygon as usize, p) == Side::Inside
-            {
-                return true;
-            }
+        let hit = self.obstacle_index.edges_near(a, b, |edge| {
             met = true;
-        }
-        met && self.obstruction(a, b).is_some()
+            let p = segment.behind(edge.from, edge.to, self.tolerance)?;
+            (self.obstacle_side(edge.polygon as usize, p) == Side::Inside).then_some(())
+        });
+        hit.is_some() || met && self.obstruction(a, b).is_some()
     }
 
     /// Where an obstacle is in the way between two free points. The bounds are convex, so free
@@ -278,13 +276,7 @@ impl Workspace {
         if segment.length <= self.tolerance {
             return None;
         }
-        let events = events(
-            self.obstacle_index
-                .edges_near(a, b)
-                .map(|e| (e.polygon, e.from, e.to)),
-            &segment,
-            self.tolerance,
-        );
+        let events = events(&self.obstacle_index, &segment, self.tolerance);
         let mut blocked = None;
         for_each_interval(&events, &segment, self.tolerance, |polygon, from, to| {
             if blocked.is_none() {
@@ -346,13 +338,7 @@ impl Workspace {
             found.push(first);
             return Ok(found);
         }
-        let events = events(
-            self.region_index
-                .edges_near(a, b)
-                .map(|e| (e.polygon, e.from, e.to)),
-            &segment,
-            self.tolerance,
-        );
+        let events = events(&self.region_index, &segment, self.tolerance);
         if events.is_empty() {
             found.push(first);
             return Ok(found);
@@ -413,22 +399,18 @@ fn free(at: Point2<f64>, place: Place) -> Result<(Letter, Option<Letter>), Block
     }
 }
 
-/// All meetings of the segment with the given edges, sorted by polygon and parameter.
-fn events(
-    edges: impl Iterator<Item = (u32, Point2<f64>, Point2<f64>)>,
-    segment: &Segment,
-    tolerance: f64,
-) -> Events {
+/// All meetings of the segment with the edges of an index, sorted by polygon and parameter.
+fn events(index: &PolygonIndex, segment: &Segment, tolerance: f64) -> Events {
     let mut events = Events::new();
-    for (polygon, p, q) in edges {
-        events.extend(
-            segment
-                .meets(p, q, tolerance)
-                .into_iter()
-                .map(|t| (polygon, t)),
-        );
+    index.edges_near(segment.a, segment.b, |edge| {
+        for t in segment.meets(edge.from, edge.to, tolerance) {
+            events.push((edge.polygon, t));
+        }
+        None::<()>
+    });
+    if events.len() > 1 {
+        events.sort_unstable_by(|x, y| x.0.cmp(&y.0).then(x.1.total_cmp(&y.1)));
     }
-    events.sort_unstable_by(|x, y| x.0.cmp(&y.0).then(x.1.total_cmp(&y.1)));
     events
 }
 

@@ -67,6 +67,7 @@ impl Enclosure {
         let near = 4.0 * map.tolerance;
         let touching = index
             .polygons_near(p)
+            .into_iter()
             .filter(|&i| map.obstacles[i].side_of(p, near) != Side::Outside);
         let before = self.obstacles.len();
         self.obstacles.extend(touching);

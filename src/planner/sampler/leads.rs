@@ -5,9 +5,10 @@
 //! in a large tree than in a small one.
 
 use std::cmp::Ordering;
-use std::collections::HashMap;
 use std::collections::binary_heap::{BinaryHeap, PeekMut};
 use std::sync::Arc;
+
+use rustc_hash::FxHashMap;
 
 use super::View;
 use super::choices::Target;
@@ -64,7 +65,7 @@ impl Weights {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Leads {
     /// The nodes that were looked at, by automaton state, step, target, and whether the way to the node counts.
-    queues: HashMap<(StateId, Step, [u64; 2], bool), Queue>,
+    queues: FxHashMap<(StateId, Step, [u64; 2], bool), Queue>,
     pub(super) passages: Passages,
     /// Once it was asked for.
     closing: Option<Option<Arc<Closing>>>,

@@ -1,10 +1,10 @@
 //! The way from a node to its target as the automaton admits it: around the regions that it must not enter on this step,
 //! and letter by letter, since a leg changes the letter once at most.
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use nalgebra::Point2;
+use rustc_hash::FxHashMap;
 
 use super::View;
 use super::choices::Target;
@@ -14,7 +14,7 @@ use crate::system::{Leg, Spot};
 
 /// Sets of letters that may be passed, by the step, the letter of the node and that of the target.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Passages(HashMap<(Step, Letter, Option<Letter>), Arc<LetterSet>>);
+pub(super) struct Passages(FxHashMap<(Step, Letter, Option<Letter>), Arc<LetterSet>>);
 
 /// A step of the automaton that is to be made: the state that it waits in, and the accepting state ahead.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

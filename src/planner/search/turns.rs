@@ -1,6 +1,6 @@
 //! Which tree grows next, and what its paths may cost.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use super::{Best, Search};
 use crate::planner::suffix::SuffixTree;
@@ -66,7 +66,7 @@ impl Search<'_> {
     /// region, may be long or impossible whatever the goal, and through another one short.
     fn most_promising_goal(&self) -> Option<NodeId> {
         let kind = |g: NodeId| (self.prefix.state(g), self.prefix.spot(g).letter);
-        let mut trees: HashMap<_, usize> = HashMap::new();
+        let mut trees: FxHashMap<_, usize> = FxHashMap::default();
         if !self.suffixes.len().is_multiple_of(2) {
             for suffix in &self.suffixes {
                 *trees.entry(kind(suffix.goal)).or_default() += 1;

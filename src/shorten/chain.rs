@@ -273,9 +273,19 @@ impl Shortener<'_> {
     /// The classes of letters along a polyline, neighbours different.
     pub(super) fn word(&self, points: &[Point2<f64>]) -> Option<Word> {
         let mut word = Word::new();
+        let mut known = self.words.borrow_mut();
         for ends in points.windows(2) {
-            let letters = word_of(self.map, ends[0], ends[1])?;
-            word.extend(letters.into_iter().map(|l| self.classes[l.index()]));
+            let ends = [ends[0], ends[1]];
+            let letters = known.of(ends, || {
+                let letters = word_of(self.map, ends[0], ends[1])?;
+                Some(
+                    letters
+                        .into_iter()
+                        .map(|l| self.classes[l.index()])
+                        .collect(),
+                )
+            });
+            word.extend_from_slice(letters?);
         }
         word.dedup();
         Some(word)

@@ -16,6 +16,8 @@ mod follow;
 mod pull;
 mod word;
 
+use std::cell::RefCell;
+
 use nalgebra::{Point2, Vector2};
 
 use crate::alphabet::{Letter, LetterSet, Props};
@@ -25,6 +27,7 @@ use crate::workspace::{Polygon, Workspace};
 
 pub(crate) use chain::Chain;
 pub(crate) use pull::star_point;
+use word::KnownWords;
 pub(crate) use word::word_of;
 
 /// How far from a border a visit's waypoint comes to lie, as a share of the map's longer side: a
@@ -51,6 +54,7 @@ pub struct Shortener<'a> {
     all_corners: Vec<Point2<f64>>,
     inset: f64,
     min_gain: f64,
+    words: RefCell<KnownWords>,
 }
 
 impl<'a> Shortener<'a> {
@@ -107,6 +111,7 @@ impl<'a> Shortener<'a> {
             all_corners,
             inset,
             min_gain: MIN_GAIN * side,
+            words: RefCell::default(),
         }
     }
 

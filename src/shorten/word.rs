@@ -1,9 +1,47 @@
 //! The letters that a segment meets.
 
 use nalgebra::Point2;
+use smallvec::SmallVec;
 
 use crate::alphabet::Letter;
 use crate::workspace::Workspace;
+
+/// Segments whose letters are remembered: those of a few neighbouring points of a path.
+const KEPT: usize = 16;
+
+/// The classes of letters along a segment; `None` as for [`word_of`].
+type Letters = Option<SmallVec<[u16; 4]>>;
+
+/// What is known of the segments that were asked for last: each leg of a path is asked for by both of its points.
+#[derive(Clone, Debug, Default)]
+pub(super) struct KnownWords {
+    known: Vec<([Point2<f64>; 2], Letters)>,
+    /// The next one to be forgotten.
+    oldest: usize,
+}
+
+impl KnownWords {
+    /// The letters of a segment, which `find` says if they are not known.
+    pub(super) fn of(
+        &mut self,
+        ends: [Point2<f64>; 2],
+        find: impl FnOnce() -> Letters,
+    ) -> Option<&[u16]> {
+        let at = self.known.iter().position(|k| k.0 == ends);
+        let at = at.unwrap_or_else(|| {
+            let new = (ends, find());
+            if self.known.len() < KEPT {
+                self.known.push(new);
+                return self.known.len() - 1;
+            }
+            let at = self.oldest;
+            self.known[at] = new;
+            self.oldest = (at + 1) % KEPT;
+            at
+        });
+        self.known[at].1.as_deref()
+    }
+}
 
 /// The letters along `ab`, ends included, neighbours different; `None` where the segment is
 /// blocked or a piece of it is too short to stand on.

@@ -171,12 +171,7 @@ impl Continuous {
 
     /// The first leg of the shortest way around the obstacles, where the straight way is blocked and that one keeps to the letters
     /// of `through` by itself: many do, and then no map without the other regions has to be prepared.
-    fn allowed_leg(
-        &self,
-        from: Point2<f64>,
-        to: Point2<f64>,
-        through: &LetterSet,
-    ) -> Option<Leg> {
+    fn allowed_leg(&self, from: Point2<f64>, to: Point2<f64>, through: &LetterSet) -> Option<Leg> {
         let map = self.map();
         if map.is_free_between(from, to) {
             return None;

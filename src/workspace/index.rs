@@ -68,9 +68,7 @@ impl PolygonIndex {
         let edge_boxes = edges
             .iter()
             .map(|e| boxed(e.from.inf(&e.to), e.from.sup(&e.to), tolerance));
-        let boxes = polygons
-            .clone()
-            .map(|p| boxed(p.min(), p.max(), tolerance));
+        let boxes = polygons.clone().map(|p| boxed(p.min(), p.max(), tolerance));
         let lens = polygons.clone().map(|p| p.vertices().len());
         let is_few = lens.clone().count() <= FEW && lens.clone().all(|len| len <= SHORT);
         let boxes = if is_few {

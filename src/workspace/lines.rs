@@ -5,7 +5,6 @@
 //! idea of snap rounding (J. D. Hobby, "Practical segment intersection with finite precision output",
 //! 1999), with the tolerance of the map in the place of a pixel.
 
-
 use nalgebra::Point2;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;

@@ -260,10 +260,10 @@ impl Shortener<'_> {
         false
     }
 
-    /// From a neighbour to the new place of a point: straight if that is free, else taut.
+    /// From a neighbour to the new place of a point, which is free: straight if the way is, else taut.
     fn leg(&self, from: Point2<f64>, at: Point2<f64>, to: Point2<f64>) -> Vec<Point2<f64>> {
         let mut leg = vec![from];
-        if !self.map.is_free_segment(from, to) {
+        if !self.map.is_free_between(from, to) {
             leg.extend(taut(from, at, to, &self.corners));
         }
         leg.push(to);

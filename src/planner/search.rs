@@ -83,6 +83,15 @@ pub fn profile(
 /// of one other goal.
 const ENTRY_PERIOD: u64 = 128;
 
+/// The first such time; from then on also whenever the number of iterations has doubled.
+const FIRST_ENTRY: u64 = 32;
+
+/// Whether better entries to suffixes are looked for now.
+fn is_entry_due(iterations: u64) -> bool {
+    let doubled = iterations >= FIRST_ENTRY && iterations.is_power_of_two();
+    doubled || iterations.is_multiple_of(ENTRY_PERIOD)
+}
+
 /// The best plan so far.
 struct Best {
     /// The goal of the trees that it was found at.
@@ -223,7 +232,7 @@ impl<'a> Search<'a> {
                 Turn::Suffix(i) => self.grow_suffix(i),
             }
             self.shorten();
-            if self.stats.iterations.is_multiple_of(ENTRY_PERIOD) {
+            if is_entry_due(self.stats.iterations) {
                 self.enter_again();
             }
         }

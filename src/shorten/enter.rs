@@ -5,19 +5,28 @@ use nalgebra::Point2;
 use super::Shortener;
 use super::chain::{Chain, MIN_WEIGHT, length};
 use super::pull::star_point;
+use crate::plan::{Cost, Path};
 
 /// How many places are tried, the best first.
 const TRIES: usize = 5;
+
+/// Passes over the points of a plan that is entered elsewhere.
+const SWEEPS: usize = 12;
 
 /// A place at which the prefix could meet the suffix.
 struct Meeting {
     cost: f64,
     /// The prefix leaves its old way after this point.
     from: usize,
+    /// Where the way from there bends.
+    bends: Vec<Point2<f64>>,
     /// The leg of the suffix, by the number of its first point.
     leg: usize,
     at: Point2<f64>,
 }
+
+/// A way around obstacles: its bends and its end.
+type Walk<'w> = &'w dyn Fn(Point2<f64>, Point2<f64>) -> Vec<Point2<f64>>;
 
 impl Shortener<'_> {
     /// Enters the suffix elsewhere if that is cheaper: in the middle of any of its legs, straight from any
@@ -27,10 +36,66 @@ impl Shortener<'_> {
         if chain.stays {
             return false;
         }
+        let round = self.round(chain);
+        let (found, _) = self.meetings(chain, &round);
+        for meeting in found.iter().take(TRIES) {
+            let new = joined(&chain.points[..=chain.split], &round, meeting);
+            if self.is_free_chain(&new, meeting) && self.realise(&new).is_some() {
+                *chain = new;
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Enters a plan's suffix elsewhere if that is cheaper, where obstacles are in the way of every straight leg there:
+    /// along the shortest way around them. Trees go on to where the automaton accepts, and so meet a suffix late in a
+    /// part that the way to another point of it does not lead through.
+    pub(crate) fn enter_around(&self, path: &Path, walk: Walk<'_>) -> Option<(Path, Cost)> {
+        let chain = Chain::of_path(path);
+        if chain.stays {
+            return None;
+        }
+        let (before, _) = self.shares();
+        let round = self.round(&chain);
+        let (mut found, now) = self.meetings(&chain, &round);
+        found.truncate(4 * TRIES);
+        for meeting in &mut found {
+            let p = chain.points[meeting.from];
+            if self.map.letter_at(meeting.at).is_none() {
+                // In the middle of an obstacle: at an end of the leg instead, with the same cost at least.
+                let ends = [meeting.leg, (meeting.leg + 1) % round.len()].map(|i| round[i]);
+                let near = (ends[0] - p).norm() <= (ends[1] - p).norm();
+                let at = if near { ends[0] } else { ends[1] };
+                meeting.cost += before * ((at - p).norm() - (meeting.at - p).norm());
+                meeting.at = at;
+            }
+            let way = walk(p, meeting.at);
+            let Some((_, bends)) = way.split_last() else {
+                meeting.cost = f64::INFINITY;
+                continue;
+            };
+            let around = length(&way) + (way[0] - p).norm();
+            meeting.cost += before * (around - (meeting.at - p).norm());
+            meeting.bends = bends.to_vec();
+        }
+        found.retain(|m| m.cost < now - self.min_gain);
+        found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        found.iter().take(TRIES).find_map(|meeting| {
+            let mut new = joined(&chain.points[..=chain.split], &round, meeting);
+            self.realise(&new)?;
+            self.improve(&mut new, SWEEPS);
+            self.realise(&new)
+                .filter(|(path, _)| self.is_firm_path(path))
+        })
+    }
+
+    /// The places where a prefix could meet the suffix if nothing were in the way and that would be cheaper, the best
+    /// first; and what prefix and suffix cost now.
+    fn meetings(&self, chain: &Chain, round: &[Point2<f64>]) -> (Vec<Meeting>, f64) {
         let (before, after) = self.shares();
         let prefix = &chain.points[..=chain.split];
-        let round = self.round(chain);
-        let mut closed = round.clone();
+        let mut closed = round.to_vec();
         closed.push(round[0]);
         let whole = length(&closed);
         // Where the suffix bends for the sake of the entry alone, it need not any more.
@@ -57,6 +122,7 @@ impl Shortener<'_> {
                     found.push(Meeting {
                         cost,
                         from,
+                        bends: Vec::new(),
                         leg,
                         at,
                     });
@@ -64,14 +130,7 @@ impl Shortener<'_> {
             }
         }
         found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        for meeting in found.iter().take(TRIES) {
-            let new = joined(prefix, &round, meeting);
-            if self.is_free_chain(&new, meeting) && self.realise(&new).is_some() {
-                *chain = new;
-                return true;
-            }
-        }
-        false
+        (found, now)
     }
 
     /// What a unit of prefix and of suffix cost, neither of them nothing.
@@ -109,7 +168,8 @@ impl Shortener<'_> {
 /// The prefix as far as it is kept, then the suffix from the meeting on.
 fn joined(prefix: &[Point2<f64>], round: &[Point2<f64>], meeting: &Meeting) -> Chain {
     let mut points = prefix[..=meeting.from].to_vec();
-    if points[meeting.from] != meeting.at {
+    points.extend_from_slice(&meeting.bends);
+    if points.last() != Some(&meeting.at) {
         points.push(meeting.at);
     }
     let split = points.len() - 1;

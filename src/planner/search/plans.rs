@@ -118,10 +118,44 @@ impl Search<'_> {
                 }
             }
         }
+        self.enter_around();
         if !self.suffixes.is_empty() {
             let turn = self.stats.iterations / ENTRY_PERIOD;
             self.consider_suffix((turn % self.suffixes.len() as u64) as usize);
         }
+    }
+
+    /// Enters the best plan's suffix along a way around obstacles if that is cheaper. Once for each best plan.
+    fn enter_around(&mut self) {
+        let (Some(polish), Some(best)) = (&mut self.polish, &self.best) else {
+            return;
+        };
+        if best.path.suffix.len() < 2 || polish.entered == best.cost.total {
+            return;
+        }
+        polish.entered = best.cost.total;
+        let system = &*self.problem.system;
+        let walk = |from, to| {
+            let mut way = Vec::new();
+            system.walk(from, to, &mut |p| way.push(p));
+            way
+        };
+        let goal = best.goal;
+        if let Some((path, cost)) = polish.shortener.enter_around(&best.path, &walk)
+            && self.is_better(cost)
+        {
+            self.keep_with_beacons(goal, path, cost);
+        }
+    }
+
+    /// Keeps a better plan that the tree does not hold, and hands its points to it.
+    fn keep_with_beacons(&mut self, goal: NodeId, path: Path, cost: Cost) {
+        let points = path.prefix.iter().skip(1).map(|w| w.at);
+        if let Some(polish) = &mut self.polish {
+            polish.beacons.clear();
+            polish.beacons.extend(points);
+        }
+        self.keep(goal, path, cost);
     }
 
     /// Takes note of a plan as one that could be shortened.
@@ -199,12 +233,7 @@ impl Search<'_> {
             return;
         };
         if self.is_better(cost) {
-            let points = path.prefix.iter().skip(1).map(|w| w.at);
-            if let Some(polish) = &mut self.polish {
-                polish.beacons.clear();
-                polish.beacons.extend(points);
-            }
-            self.keep(next.goal, path, cost);
+            self.keep_with_beacons(next.goal, path, cost);
         }
     }
 }

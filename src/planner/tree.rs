@@ -480,7 +480,7 @@ impl<'a> Tree<'a> {
             let (state, cost) = (self.state(node), self.cost(node));
             for k in self.steps.range(letter, state) {
                 let target = self.steps.target(k);
-                if target == state {
+                if target == state || self.steps.is_end(letter, target) {
                     continue;
                 }
                 if let Some(changed) = self.connect(site, target, cost, node.0) {

@@ -161,6 +161,7 @@ fn in_corner(
         last = Some(at);
         if let Some(there) = view.system.settle(at)
             && view.system.step(&from, &there)
+            && super::passage::goes_on(view, &there, target)
             && let Some(leg) = super::passage::first_leg(view, &there, target)
             && best.is_none_or(|(left, _)| leg.length < left)
         {

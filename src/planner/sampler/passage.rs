@@ -66,6 +66,19 @@ pub(super) fn first_leg(view: &View<'_>, spot: &Spot, target: Target) -> Option<
     view.system.first_leg_through(spot.at, target.at, &through)
 }
 
+/// Whether the automaton can wait or go on to the target where the letter is that of a place on the way. A place in a region that it
+/// must not enter can be moved to, and looks near to the target from there, but nothing follows.
+pub(super) fn goes_on(view: &View<'_>, there: &Spot, target: Target) -> bool {
+    if Some(there.letter) == target.letter {
+        return true;
+    }
+    let Step { from, goal } = target.step;
+    let rho = &view.task.distances;
+    let before = rho.to_go(from, goal);
+    let mut next = view.task.nba.successors(from, there.letter);
+    next.any(|q| rho.to_go(q, goal) <= before)
+}
+
 /// The part of a leg that a first waypoint has to be put on, if more than one is needed because the letter changes more than once.
 pub(super) fn stopover(view: &View<'_>, spot: &Spot, to: Point2<f64>) -> Option<[Point2<f64>; 2]> {
     let map = view.system.plane()?;

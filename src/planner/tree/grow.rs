@@ -54,6 +54,7 @@ impl Tree<'_> {
     /// `also`; then reroutes those sites through it where that is cheaper. A place that is in the tree
     /// already is not added again, but what reaches it more cheaply, or in another state, is kept.
     /// Whether a move between two places is possible is asked once at most.
+    /// States that nothing follows on the place's letter are left out (ours): no path and no suffix goes on from there.
     ///
     /// Where none of the near sites leads to the place, `near.more` sites are tried.
     ///
@@ -265,7 +266,7 @@ impl Tree<'_> {
     ) -> bool {
         for k in self.steps.range_of(row) {
             let target = self.steps.target(k);
-            if ways.cost(target) <= cost {
+            if ways.cost(target) <= cost || self.steps.is_end(spot.letter, target) {
                 continue;
             }
             if !self.is_visible(neighbour, spot) {

@@ -43,6 +43,12 @@ impl Steps {
         self.range_of(row).all(|k| self.target(k) == state)
     }
 
+    /// Whether no state can follow `state` where the letter is `letter`.
+    #[inline]
+    pub(super) fn is_end(&self, letter: Letter, state: StateId) -> bool {
+        self.range(letter, state).is_empty()
+    }
+
     /// The letter of a row.
     pub(super) fn letter(&self, row: u32) -> Letter {
         Letter(row / self.states as u32)

@@ -8,6 +8,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::automaton::{Limits, StateId};
 use crate::plan::Waypoint;
+use crate::system::Continuous;
 use crate::workspace::{Bounds, Region};
 
 fn p(x: f64, y: f64) -> Point2<f64> {
@@ -138,6 +139,43 @@ fn loops_shrink_to_the_shortest_between_regions() {
     let formula = "GF l1 & GF l2".parse().unwrap();
     crate::verify::verify(&map, p(0.2, 0.1), &formula, &path, 0.2, Some(&cost)).unwrap();
     assert!((cost.suffix - 1.0).abs() < 2e-5, "{cost:?}");
+}
+
+#[test]
+fn loops_are_entered_around_obstacles() {
+    let map = map(
+        &[rectangle(0.2, 0.3, 0.75, 0.4)],
+        &[rectangle(0.1, 0.6, 0.2, 0.7), rectangle(0.8, 0.6, 0.9, 0.7)],
+    );
+    let task = task(&map, "GF l1 & GF l2");
+    let shortener = Shortener::new(&map, &task, 0.2);
+    let start = p(0.6, 0.2);
+    let system = Continuous::new(Arc::new(map.clone()), start).unwrap();
+    let walk = |from, to| {
+        system
+            .shortest_path(from, to)
+            .map_or(vec![], |way| way[1..].to_vec())
+    };
+    // By the left end of the wall, though the right one is nearer to the other half of the loop.
+    let (left, right) = (p(0.15, 0.65), p(0.85, 0.65));
+    let given = [start, p(0.2, 0.3), p(0.2, 0.4), left];
+    let shorten = |more: &[Point2<f64>], from, to| {
+        let prefix = [&given, more, &[from]].concat();
+        shortener.shorten(&path(&prefix, &[from, to, from]), 20)
+    };
+    let found = shorten(&[right], left, right).or_else(|| shorten(&[right, left], right, left));
+    let (by_left, cost) = found.expect("one of them is a plan");
+    assert!(cost.prefix > 0.65, "{cost:?}");
+    let (by_right, less) = shortener
+        .enter_around(&by_left, &walk)
+        .expect("a better entry");
+    assert!(less.total < cost.total && less.prefix < 0.55, "{less:?}");
+    let formula = "GF l1 & GF l2".parse().unwrap();
+    crate::verify::verify(&map, start, &formula, &by_right, 0.2, Some(&less)).unwrap();
+    assert!(
+        shortener.enter_around(&by_right, &walk).is_none(),
+        "once is enough"
+    );
 }
 
 proptest! {

@@ -343,3 +343,6 @@ impl TransitionSystem for Continuous {
         super::fingerprint(self.map(), &[])
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -191,11 +191,32 @@ fn what_is_barred_is_gone_around() {
     let found = draws(&barred, &mostly_directed(), &Sampler::Directed, &[]);
     let below = share(&found, |d| within(d.0, p(0.4, 0.05), 0.05));
     assert!(below > 0.9, "{below} lie around the pond's lower corner");
+    let wet = share(&found, |d| {
+        let inside = |x: f64, low: f64, high: f64| low < x && x < high;
+        inside(d.0.x, 0.4, 0.6) && inside(d.0.y, 0.05, 0.9)
+    });
+    assert!(
+        wet < 0.05,
+        "{wet} lie in the pond, from where nothing follows"
+    );
     // Where the automaton may enter it, the leg across needs a stop inside.
     let open = world_with(Vec::new(), Some(pond), false);
     let found = draws(&open, &mostly_directed(), &Sampler::Directed, &[]);
     let inside = share(&found, |d| (0.4..=0.6).contains(&d.0.x));
     assert!(inside > 0.9, "{inside} lie in the pond");
+}
+
+#[test]
+fn dead_ends_stay_out_of_the_tree() {
+    let pond = rectangle(0.4, 0.05, 0.6, 0.9);
+    for barred in [true, false] {
+        let (system, task) = world_with(Vec::new(), Some(pond.clone()), barred);
+        let mut tree = Tree::new(&system, &task.nba, system.start(), &task.nba.initial);
+        let near = Settings::default().near(1, 1.0);
+        let there = system.settle(p(0.5, 0.5)).unwrap();
+        assert_eq!(tree.extend(there, near, &[]).is_none(), barred);
+        tree.check(&system, &task.nba);
+    }
 }
 
 #[test]

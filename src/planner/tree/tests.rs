@@ -29,6 +29,7 @@ impl Tree<'_> {
                 assert_eq!(node.cost, 0.0, "only roots have no parent");
                 continue;
             };
+            assert!(!self.steps.is_end(here.letter, node.state), "a dead end");
             let from = self.site_spot(parent.site);
             let owed = self.owed[node.parent as usize];
             let length = system.distance(from.at, here.at);

@@ -17,7 +17,6 @@ const PICKS: usize = 6;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Neighbour {
     pub(super) site: SiteId,
-    at: Point2<f64>,
     pub(super) distance: f64,
     /// The least cost of any node there, plus the distance: what an edge from there costs at least.
     pub(super) bound: f64,
@@ -33,10 +32,9 @@ pub(super) struct Neighbour {
 }
 
 impl Neighbour {
-    fn new(at: Point2<f64>, distance: f64, rank: &Rank) -> Self {
+    fn new(distance: f64, rank: &Rank) -> Self {
         Self {
             site: rank.site,
-            at,
             distance,
             bound: rank.least + distance,
             most: rank.most(),
@@ -130,7 +128,7 @@ impl Tree<'_> {
             let distance = self.system.distance(there.at, spot.at);
             neighbours.push(Neighbour {
                 visible: Some(true),
-                ..Neighbour::new(there.at, distance, self.index.rank(site))
+                ..Neighbour::new(distance, self.index.rank(site))
             });
         }
         self.index.at(spot.at)
@@ -151,7 +149,7 @@ impl Tree<'_> {
             if known != Some(site) && !neighbours.iter().any(|n| n.site == site) {
                 let at = self.sites[site.0 as usize].at;
                 let distance = self.system.distance(at, spot.at);
-                neighbours.push(Neighbour::new(at, distance, self.index.rank(site)));
+                neighbours.push(Neighbour::new(distance, self.index.rank(site)));
             }
         }
         known
@@ -191,7 +189,7 @@ impl Tree<'_> {
             let distance = hit.square().sqrt();
             let (rank, place) = (self.index.rank_at(hit.slot), self.index.place_at(hit.slot));
             if distance > 0.0 || place != at {
-                neighbours.push(Neighbour::new(place, distance, rank));
+                neighbours.push(Neighbour::new(distance, rank));
             } else {
                 known = Some(rank.site);
             }
@@ -243,12 +241,17 @@ impl Tree<'_> {
             self.enter_from(way, spot, neighbour, ways, reach);
             return;
         }
-        let letter = self.steps.letter(neighbour.row);
+        let letter = self.site_spot(neighbour.site).letter;
         for i in 0..self.at_site(neighbour.site).len() {
             let (state, node) = self.at_site(neighbour.site)[i];
             let cost = self.cost(node) + neighbour.distance;
-            let way = (node, self.steps.row(letter, state), cost);
-            if cost < self.limit && !self.enter_from(way, spot, neighbour, ways, reach) {
+            let row = self.steps.row(letter, state);
+            let mut targets = self.steps.range_of(row).map(|k| self.steps.target(k));
+            // Most of many nodes have nothing to give.
+            if cost < self.limit
+                && targets.any(|target| cost < ways.cost(target))
+                && !self.enter_from((node, row, cost), spot, neighbour, ways, reach)
+            {
                 return;
             }
         }
@@ -361,11 +364,7 @@ impl Tree<'_> {
             return known;
         }
         let began = self.clock.start();
-        let from = Spot {
-            at: neighbour.at,
-            letter: self.steps.letter(neighbour.row),
-        };
-        let visible = self.system.step(&from, spot);
+        let visible = self.system.step(&self.site_spot(neighbour.site), spot);
         self.clock.stop(began, |s| &mut s.collision);
         neighbour.visible = Some(visible);
         visible

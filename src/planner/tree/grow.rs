@@ -2,7 +2,7 @@
 
 use nalgebra::Point2;
 
-use super::index::Rank;
+use super::index::{Rank, Slot};
 use super::near::Near;
 use super::ways::{Way, Ways};
 use super::{NONE, NodeId, SiteId, Tree, bit, improves};
@@ -27,12 +27,14 @@ pub(super) struct Neighbour {
     only: u32,
     /// Its letter and the state of one of its nodes.
     row: u32,
+    /// Where it stands in the index, until a place is added.
+    slot: Slot,
     /// Whether a move is possible, once that was asked.
     pub(super) visible: Option<bool>,
 }
 
 impl Neighbour {
-    fn new(distance: f64, rank: &Rank) -> Self {
+    fn new(distance: f64, slot: Slot, rank: &Rank) -> Self {
         Self {
             site: rank.site,
             distance,
@@ -41,6 +43,7 @@ impl Neighbour {
             targets: rank.targets,
             only: rank.only,
             row: rank.row,
+            slot,
             visible: None,
         }
     }
@@ -128,7 +131,7 @@ impl Tree<'_> {
             let distance = self.system.distance(there.at, spot.at);
             neighbours.push(Neighbour {
                 visible: Some(true),
-                ..Neighbour::new(distance, self.index.rank(site))
+                ..self.neighbour(distance, site)
             });
         }
         self.index.at(spot.at)
@@ -149,10 +152,15 @@ impl Tree<'_> {
             if known != Some(site) && !neighbours.iter().any(|n| n.site == site) {
                 let at = self.sites[site.0 as usize].at;
                 let distance = self.system.distance(at, spot.at);
-                neighbours.push(Neighbour::new(distance, self.index.rank(site)));
+                neighbours.push(self.neighbour(distance, site));
             }
         }
         known
+    }
+
+    fn neighbour(&self, distance: f64, site: SiteId) -> Neighbour {
+        let slot = self.index.slot(site);
+        Neighbour::new(distance, slot, self.index.rank_at(slot))
     }
 
     /// More of the nearest sites, without those that are in `neighbours`, which lead nowhere.
@@ -189,7 +197,7 @@ impl Tree<'_> {
             let distance = hit.square().sqrt();
             let (rank, place) = (self.index.rank_at(hit.slot), self.index.place_at(hit.slot));
             if distance > 0.0 || place != at {
-                neighbours.push(Neighbour::new(distance, rank));
+                neighbours.push(Neighbour::new(distance, hit.slot, rank));
             } else {
                 known = Some(rank.site);
             }
@@ -272,7 +280,15 @@ impl Tree<'_> {
             if ways.cost(target) <= cost || self.steps.is_end(spot.letter, target) {
                 continue;
             }
-            if !self.is_visible(neighbour, spot) {
+            let visible = neighbour.visible.unwrap_or_else(|| {
+                // The index has just been read there, the site not.
+                let from = Spot {
+                    at: self.index.place_at(neighbour.slot),
+                    letter: self.steps.letter(row),
+                };
+                self.look(neighbour, &from, spot)
+            });
+            if !visible {
                 return false;
             }
             ways.set(target, cost, node, neighbour.distance);
@@ -360,11 +376,16 @@ impl Tree<'_> {
     }
 
     pub(super) fn is_visible(&mut self, neighbour: &mut Neighbour, spot: &Spot) -> bool {
-        if let Some(known) = neighbour.visible {
-            return known;
-        }
+        neighbour.visible.unwrap_or_else(|| {
+            let from = self.site_spot(neighbour.site);
+            self.look(neighbour, &from, spot)
+        })
+    }
+
+    /// Asks whether a move is possible, and keeps the answer.
+    fn look(&mut self, neighbour: &mut Neighbour, from: &Spot, spot: &Spot) -> bool {
         let began = self.clock.start();
-        let visible = self.system.step(&self.site_spot(neighbour.site), spot);
+        let visible = self.system.step(from, spot);
         self.clock.stop(began, |s| &mut s.collision);
         neighbour.visible = Some(visible);
         visible

@@ -362,9 +362,15 @@ impl SiteIndex {
         Point2::from(self.buckets[bucket].place(i))
     }
 
+    /// Where a site stands.
+    #[inline]
+    pub(super) fn slot(&self, site: SiteId) -> Slot {
+        self.slots[site.0 as usize]
+    }
+
     #[inline]
     pub(super) fn rank(&self, site: SiteId) -> &Rank {
-        self.rank_at(self.slots[site.0 as usize])
+        self.rank_at(self.slot(site))
     }
 
     #[inline]

@@ -49,6 +49,11 @@ impl Steps {
         self.range(letter, state).is_empty()
     }
 
+    /// The letter of a row.
+    pub(super) fn letter(&self, row: u32) -> Letter {
+        Letter(row / self.states as u32)
+    }
+
     /// The numbers of the entries that follow `state` when it reads `letter`, by ascending state.
     #[inline]
     pub(super) fn range(&self, letter: Letter, state: StateId) -> std::ops::Range<usize> {

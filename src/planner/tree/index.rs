@@ -74,7 +74,11 @@ impl Rank {
     /// One of its nodes costs less than before.
     #[inline]
     pub(super) fn lower(&mut self, cost: f64) {
-        self.least = self.least.min(cost);
+        self.least = if self.only == NONE {
+            self.least.min(cost)
+        } else {
+            cost
+        };
     }
 }
 

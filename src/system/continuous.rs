@@ -1,16 +1,20 @@
 //! The continuous workspace as a transition system: straight segments, Euclidean lengths.
 
+mod allowed;
+
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::Point2;
 use rustc_hash::FxHashMap;
+use smallvec::SmallVec;
 
 use super::{Landmark, Leg, Spot, TransitionSystem};
 use crate::alphabet::{Alphabet, Letter, LetterSet};
 use crate::random::Random;
 use crate::workspace::visibility::{PathsTo, VisibilityGraph};
 use crate::workspace::{Bounds, Place, Polygon, Workspace};
+use allowed::Allowed;
 
 /// Shortest paths are kept up to so many units of 64 bytes (256 MiB), and those to the newest target
 /// however many they are.
@@ -54,6 +58,8 @@ pub struct Continuous {
     /// By the letters that may be passed: shortest ways that keep out of all other regions. `None` where there is
     /// nothing to keep out of, or no map would be left.
     around: Mutex<FxHashMap<LetterSet, Option<Arc<Ways>>>>,
+    /// Which ways need none of them.
+    allowed: Mutex<Allowed>,
     start: Spot,
     landmarks: Vec<Vec<Landmark>>,
     /// For each letter and cell, the number of the landmark that stands for it.
@@ -125,6 +131,7 @@ impl Continuous {
             reachable,
             ways: Ways::new(graph),
             around: Mutex::default(),
+            allowed: Mutex::default(),
         })
     }
 
@@ -178,12 +185,11 @@ impl Continuous {
         }
         let paths = self.ways.paths_to(to);
         let (length, bend) = paths.bend(self.graph(), from)?;
-        let (mut at, mut allowed) = (from, true);
-        paths.bends(self.graph(), from, &mut |p| {
-            allowed = allowed && map.passes(at, p, through);
-            at = p;
-        });
-        allowed.then_some(Leg { to: bend, length })
+        let mut bends: SmallVec<[Point2<f64>; 16]> = SmallVec::new();
+        paths.bends(self.graph(), from, &mut |p| bends.push(p));
+        let mut allowed = self.allowed.lock().unwrap_or_else(PoisonError::into_inner);
+        let keeps = allowed.keeps(map, from, &bends, through);
+        keeps.then_some(Leg { to: bend, length })
     }
 
     fn without(&self, through: &LetterSet) -> Option<Ways> {
@@ -323,6 +329,8 @@ impl TransitionSystem for Continuous {
             .unwrap_or_else(PoisonError::into_inner) = Known::default();
         let mut around = self.around.lock().unwrap_or_else(PoisonError::into_inner);
         around.clear();
+        let mut allowed = self.allowed.lock().unwrap_or_else(PoisonError::into_inner);
+        *allowed = Allowed::default();
     }
 
     fn part(&self, spot: &Spot) -> Option<u32> {

@@ -207,9 +207,24 @@ impl Workspace {
     /// Whether the segment `ab` is free and meets letters of a set alone; its ends are known to be free.
     #[must_use]
     pub(crate) fn passes(&self, a: Point2<f64>, b: Point2<f64>, through: &LetterSet) -> bool {
-        let Some(from) = self.letter_at(a).filter(|_| !self.is_obstructed(a, b)) else {
-            return false;
-        };
+        let from = self.letter_at(a).filter(|_| !self.is_obstructed(a, b));
+        from.is_some_and(|from| self.meets_only(a, b, from, through))
+    }
+
+    /// Whether the segment `ab`, which is free, meets letters of a set alone.
+    #[must_use]
+    pub(crate) fn keeps_to(&self, a: Point2<f64>, b: Point2<f64>, through: &LetterSet) -> bool {
+        let from = self.letter_at(a);
+        from.is_some_and(|from| self.meets_only(a, b, from, through))
+    }
+
+    fn meets_only(
+        &self,
+        a: Point2<f64>,
+        b: Point2<f64>,
+        from: Letter,
+        through: &LetterSet,
+    ) -> bool {
         let stretches = self.stretches(a, b, from);
         stretches.is_ok_and(|found| found.iter().all(|s| through.contains(s.letter)))
     }

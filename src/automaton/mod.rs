@@ -5,6 +5,7 @@
 
 mod bits;
 mod buchi;
+mod copies;
 mod cubes;
 mod degeneralize;
 mod graph;
@@ -24,6 +25,7 @@ mod task;
 mod translate;
 mod write;
 
+pub(crate) use copies::Copies;
 pub use cubes::{Cube, cubes, guard_text, letters_of};
 pub use hoa::{HoaError, HoaErrorKind, read_hoa, read_hoa_stream};
 pub use limits::Limits;

@@ -16,6 +16,7 @@ mod split;
 mod suffix;
 mod tree;
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -148,6 +149,7 @@ impl NotFound {
     /// How far the automaton got in a prefix tree, and which letters would have helped.
     pub(crate) fn after(
         task: &Task,
+        own: impl Fn(StateId) -> StateId,
         prefix: &Tree<'_>,
         stats: Stats,
         reason: EndReason,
@@ -168,11 +170,17 @@ impl NotFound {
                 }
             }
         }
-        let count = task.nba.states().filter(reached).count();
+        let count = |states: &mut dyn Iterator<Item = StateId>| {
+            let own: BTreeSet<StateId> = states.map(&own).collect();
+            own.len()
+        };
         Self {
             stats,
             steps_left,
-            states: [count, task.nba.len()],
+            states: [
+                count(&mut task.nba.states().filter(reached)),
+                count(&mut task.nba.states()),
+            ],
             missing,
             reason,
             edges,

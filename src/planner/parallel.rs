@@ -3,9 +3,9 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::sampler::Sampler;
-use super::search::Search;
+use super::search::{Ground, Search};
 use super::settings::{Settings, Stop};
-use super::{PlanError, Problem, Progress, Solution, Stats};
+use super::{PlanError, Progress, Solution, Stats};
 
 /// How many searches run side by side at most.
 pub(super) const MAX_THREADS: usize = 256;
@@ -36,7 +36,7 @@ impl Race {
 /// iterations, of equal ones that of the lowest number; so the result depends on the seed and the
 /// number of threads, not on the machine. Only the first search is observed.
 pub(super) fn search(
-    problem: &Problem,
+    ground: &Ground<'_>,
     sampler: &Sampler,
     settings: &Settings,
     stop: &Stop,
@@ -44,7 +44,7 @@ pub(super) fn search(
 ) -> Result<Solution, PlanError> {
     let race = Race::new();
     let run = |stream: u64, observe: &mut dyn FnMut(Progress)| {
-        let found = Search::new(problem, sampler, settings, stream)
+        let found = Search::new(ground, sampler, settings, stream)
             .racing(settings.first.then_some(&race))
             .finish_after(stop, observe);
         if let Ok(solution) = &found {

@@ -43,7 +43,7 @@ pub enum Sampler {
 /// Predictions prepared for fast drawing.
 #[derive(Clone, Debug)]
 pub struct Guide {
-    sums: HeatmapSums,
+    sums: Arc<HeatmapSums>,
     states: Vec<f64>,
 }
 
@@ -62,9 +62,17 @@ impl Guide {
         // 16 bits: what differs between devices in the last bits must not change a plan.
         let quantise = |p: &f32| f64::from((p.clamp(0.0, 1.0) * 65_535.0).round()) / 65_535.0;
         Ok(Self {
-            sums: HeatmapSums::new(&guidance.heatmap)?,
+            sums: Arc::new(HeatmapSums::new(&guidance.heatmap)?),
             states: guidance.states.iter().map(quantise).collect(),
         })
+    }
+
+    /// For an automaton whose states stand for these.
+    fn for_states(&self, origin: &[StateId]) -> Self {
+        Self {
+            sums: Arc::clone(&self.sums),
+            states: origin.iter().map(|q| self.states[q.index()]).collect(),
+        }
     }
 }
 
@@ -78,6 +86,14 @@ impl Sampler {
             Self::Directed => "directed",
             Self::Guided(_) => "guided",
             Self::Deferred(_) => "deferred",
+        }
+    }
+
+    /// The same strategy for an automaton whose states stand for these.
+    pub(super) fn for_states(&self, origin: &[StateId]) -> Self {
+        match self {
+            Self::Guided(guide) => Self::Guided(Arc::new(guide.for_states(origin))),
+            other => other.clone(),
         }
     }
 

@@ -1,5 +1,6 @@
 //! The search: what it holds, and when it ends.
 
+mod ground;
 mod growth;
 mod plans;
 mod turns;
@@ -22,6 +23,7 @@ use super::{
 use crate::automaton::Task;
 use crate::plan::{Cost, Path, Waypoint};
 use crate::random::{Random, generator};
+pub(super) use ground::Ground;
 use growth::{grow, grow_to};
 use turns::Turn;
 
@@ -53,10 +55,11 @@ pub fn plan(
     if *problem.task.nba.alphabet != **problem.system.alphabet() {
         return Err(PlanError::Alphabet);
     }
+    let ground = Ground::of(problem);
     if settings.threads > 1 {
-        return parallel::search(problem, sampler, settings, stop, observe);
+        return parallel::search(&ground, sampler, settings, stop, observe);
     }
-    Search::new(problem, sampler, settings, 0).finish_after(stop, observe)
+    Search::new(&ground, sampler, settings, 0).finish_after(stop, observe)
 }
 
 /// Searches as [`plan`] does and tells where the time went, whether or not a plan is found.
@@ -69,7 +72,8 @@ pub fn profile(
     settings: &Settings,
 ) -> Result<Split, PlanError> {
     settings.validate()?;
-    let mut search = Search::new(problem, sampler, settings, 0);
+    let ground = Ground::of(problem);
+    let mut search = Search::new(&ground, sampler, settings, 0);
     search.prefix.measure();
     search.run(&Stop::new(), &mut |_| {});
     let mut split = Split::default();
@@ -103,6 +107,7 @@ struct Best {
 }
 
 pub(super) struct Search<'a> {
+    ground: &'a Ground<'a>,
     problem: &'a Problem,
     /// The task as samplers see it, if that is another one.
     advice: Option<Task>,
@@ -139,18 +144,20 @@ pub(super) struct Search<'a> {
 impl<'a> Search<'a> {
     /// A search that draws from the seed's stream of this number.
     pub(super) fn new(
-        problem: &'a Problem,
+        ground: &'a Ground<'a>,
         sampler: &Sampler,
         settings: &'a Settings,
         stream: u64,
     ) -> Self {
+        let problem = ground.problem();
         let nba = &problem.task.nba;
         let mut prefix = Tree::new(&*problem.system, nba, problem.start, &nba.initial);
         prefix.pass_on_at_most(ALLOWANCE);
         Self {
+            ground,
             problem,
             advice: advice(problem),
-            sampler: sampler.clone(),
+            sampler: ground.sampler(sampler),
             settings,
             random: generator(settings.seed, stream),
             began: Instant::now(),
@@ -225,7 +232,7 @@ impl<'a> Search<'a> {
             if let Sampler::Deferred(deferred) = &self.sampler
                 && let Some(next) = deferred.successor(self.stats.iterations)
             {
-                self.sampler = next;
+                self.sampler = self.ground.sampler(&next);
             }
             match self.choose_turn() {
                 Turn::Prefix => self.grow_prefix(),
@@ -316,11 +323,13 @@ impl<'a> Search<'a> {
         self.stats.seconds = self.began.elapsed().as_secs_f64();
         let edges = self.trees().flat_map(Tree::edges).map(|(a, b)| [a, b]);
         let edges = edges.collect();
-        let Some(best) = self.best.take() else {
+        let Some(mut best) = self.best.take() else {
             let task = &self.problem.task;
-            let found = NotFound::after(task, &self.prefix, self.stats, reason, edges);
+            let own = |q| self.ground.own(q);
+            let found = NotFound::after(task, own, &self.prefix, self.stats, reason, edges);
             return Err(PlanError::NotFound(Box::new(found)));
         };
+        self.ground.restore(&mut best.path);
         Ok(Solution {
             path: best.path,
             cost: best.cost,

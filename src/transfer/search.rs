@@ -498,7 +498,7 @@ impl<'a> Search<'a> {
         let edges = edges.collect();
         let Some(Best { path, cost }) = self.best.take() else {
             let task = &self.problem.task;
-            let found = NotFound::after(task, &self.prefix, self.stats, reason, edges);
+            let found = NotFound::after(task, |q| q, &self.prefix, self.stats, reason, edges);
             return Err(PlanError::NotFound(Box::new(found)));
         };
         Ok(Solution {

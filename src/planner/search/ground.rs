@@ -1,0 +1,64 @@
+//! The problem as a search sees it.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use crate::automaton::{Copies, StateId, Task};
+use crate::plan::Path;
+use crate::planner::Problem;
+use crate::planner::sampler::Sampler;
+
+/// A problem, with an automaton whose accepting states are those that a run comes back to ([`Copies`]).
+#[derive(Debug)]
+pub(crate) struct Ground<'a> {
+    problem: Cow<'a, Problem>,
+    /// For each state of the automaton the one of the problem's that it stands for, if that is another automaton.
+    origin: Option<Vec<StateId>>,
+}
+
+impl<'a> Ground<'a> {
+    pub(crate) fn of(problem: &'a Problem) -> Self {
+        let Some(Copies { nba, origin }) = Copies::of(&problem.task.nba) else {
+            return Self {
+                problem: Cow::Borrowed(problem),
+                origin: None,
+            };
+        };
+        let task = Task::from_trimmed(nba, problem.task.formula.clone());
+        let problem = Problem {
+            task: Arc::new(task),
+            ..problem.clone()
+        };
+        Self {
+            problem: Cow::Owned(problem),
+            origin: Some(origin),
+        }
+    }
+
+    pub(crate) fn problem(&self) -> &Problem {
+        &self.problem
+    }
+
+    /// A sampler for the problem's own automaton as one for this.
+    pub(crate) fn sampler(&self, sampler: &Sampler) -> Sampler {
+        match &self.origin {
+            Some(origin) => sampler.for_states(origin),
+            None => sampler.clone(),
+        }
+    }
+
+    /// The state of the problem's own automaton that a state stands for.
+    pub(crate) fn own(&self, state: StateId) -> StateId {
+        self.origin.as_ref().map_or(state, |o| o[state.index()])
+    }
+
+    /// Gives a path the states of the problem's own automaton. Where a copy waited for its state, nothing is left to do.
+    pub(crate) fn restore(&self, path: &mut Path) {
+        for waypoint in path.prefix.iter_mut().chain(&mut path.suffix) {
+            waypoint.state = self.own(waypoint.state);
+        }
+        if self.origin.is_some() {
+            path.prefix.dedup();
+        }
+    }
+}

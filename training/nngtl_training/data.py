@@ -1,5 +1,6 @@
 """A data set in memory: maps as small integer rasters, missions as paths and graphs, in flat arrays."""
 
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -86,10 +87,11 @@ def load(directory, config, cache=None, limit=None, families=None):
         skipped = dict(zip(kept.pop("skipped_why"), kept.pop("skipped_count").tolist()))
         return Missions(side, labels, shards.fingerprint(manifest), skipped=skipped, **kept)
     builder = _Builder(side, labels, suffix, most, drawn)
-    for number, entry in enumerate(shards.maps(directory, manifest)):
+    for number, (place, entry) in enumerate(shards.maps(directory, manifest)):
         if limit is not None and number >= limit:
             break
         if not families or entry["family"] in families:
+            _check_ways(place, entry)
             builder.add(entry)
     arrays = builder.arrays()
     if path:
@@ -100,6 +102,37 @@ def load(directory, config, cache=None, limit=None, families=None):
         np.savez(partial, skipped_why=why, skipped_count=count, **arrays)
         partial.replace(path)
     return Missions(side, labels, shards.fingerprint(manifest), skipped=builder.skipped, **arrays)
+
+
+def _check_ways(place, entry):
+    """Refuses a map whose ``ways``, its own or a mission's, are not as docs/dataset.md describes them."""
+    regions = len(entry["regions"])
+    lists = []
+    if "ways" in entry:
+        rows = entry["ways"]
+        if not isinstance(rows, list) or len(rows) != regions:
+            raise _bad_ways(place, "ways", f"a list for each of the {regions} regions", rows)
+        lists += [(f"ways of region l{k + 1}", row, k + 1) for k, row in enumerate(rows)]
+    for number, mission in enumerate(entry["missions"], start=1):
+        if "ways" in mission:
+            lists.append((f"mission {number}: ways", mission["ways"], regions))
+    for what, lengths, wanted in lists:
+        if not isinstance(lengths, list) or len(lengths) != wanted or not all(map(_is_length, lengths)):
+            raise _bad_ways(place, what, f"{wanted} lengths", lengths)
+
+
+def _is_length(value):
+    """No way at all is null."""
+    return value is None or isinstance(value, (int, float)) and not isinstance(value, bool) and value >= 0
+
+
+def _bad_ways(place, what, wanted, found):
+    """The error of ``ways`` that are not what is wanted."""
+    text = json.dumps(found)
+    short = text if len(text) <= 80 else text[:77] + "..."
+    return shards.DataError(
+        f"{place}: {what}: expected {wanted}, found {short}: write them as docs/dataset.md says, or leave out `ways` in the whole set"
+    )
 
 
 _NO_CELLS = {

@@ -49,15 +49,17 @@ def verify(directory):
 
 
 def maps(directory, manifest):
-    """All maps of a data set, as dictionaries, shard by shard."""
+    """All maps of a data set, shard by shard: where each stands (for messages), and the map as a dictionary."""
     for shard in manifest["shards"]:
         path = Path(directory) / shard["file"]
         with gzip.open(path, "rt", encoding="utf-8") as lines:
             for number, line in enumerate(lines, start=1):
+                place = f"{path}: line {number}"
                 try:
-                    yield json.loads(line)
+                    entry = json.loads(line)
                 except json.JSONDecodeError as error:
-                    raise DataError(f"{path}: line {number}: not JSON: {error}") from None
+                    raise DataError(f"{place}: not JSON: {error}") from None
+                yield place, entry
 
 
 def fingerprint(manifest):

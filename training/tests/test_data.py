@@ -1,6 +1,7 @@
 """Shards to batches."""
 
 import dataclasses
+import gzip
 import json
 import shutil
 
@@ -103,6 +104,45 @@ def test_a_missing_shard_and_another_format_are_refused(broken):
     (broken / "manifest.json").write_text(json.dumps({**manifest, "format": 2}))
     with pytest.raises(shards.DataError, match="format 2"):
         data.load(broken, CONFIG)
+
+
+def rewrite(folder, number, change):
+    """Changes the first map of a shard, and its digest with it."""
+    manifest = json.loads((folder / "manifest.json").read_text())
+    shard = manifest["shards"][number]
+    path = folder / shard["file"]
+    first, *others = gzip.decompress(path.read_bytes()).decode().splitlines()
+    entry = json.loads(first)
+    change(entry)
+    path.write_bytes(gzip.compress("".join(line + "\n" for line in [json.dumps(entry), *others]).encode()))
+    shard["sha256"] = shards.digest(path)
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+
+
+@pytest.mark.parametrize(
+    "change, says",
+    [
+        (lambda e: e["ways"].pop(), "ways: expected a list for each of the 7 regions"),
+        (lambda e: e.update(ways=0.5), "ways: expected a list for each of the 7 regions, found 0.5"),
+        (lambda e: e["ways"][2].pop(), "ways of region l3: expected 3 lengths"),
+        (lambda e: e["ways"].__setitem__(1, [0.1, "far"]), 'ways of region l2: expected 2 lengths, found .0.1, "far".'),
+        (lambda e: e["ways"].__setitem__(1, None), "ways of region l2: expected 2 lengths, found null"),
+        (lambda e: e["missions"][1].update(ways=[]), r"mission 2: ways: expected 7 lengths, found \[\]"),
+    ],
+)
+def test_malformed_ways_are_refused_where_they_stand(broken, change, says):
+    rewrite(broken, 1, change)
+    with pytest.raises(shards.DataError, match=f"shard-00001.jsonl.gz: line 1: {says}.*dataset.md"):
+        data.load(broken, CONFIG)
+
+
+def test_a_set_without_ways_and_one_with_ways_that_nothing_walks_are_read(broken):
+    count = len(data.load(broken, CONFIG))
+    rewrite(broken, 0, lambda e: [part.pop("ways") for part in (e, *e["missions"])])
+    rewrite(broken, 1, lambda e: e["missions"][0].update(ways=[None] * 7))
+    missions = data.load(broken, {"labels": 7})
+    assert len(missions) == count and np.isnan(missions.ways[0]).all()
+    assert (missions.ways == data.FARTHEST).any()
 
 
 def test_the_raster_has_the_contracts_layout(data_set):

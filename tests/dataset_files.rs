@@ -4,14 +4,14 @@
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use nngtl::alphabet::Props;
 use nngtl::dataset::maps::Family;
 use nngtl::dataset::{
     AutomatonRecord, Expert, GenerateConfig, GenerateError, LabelledMission, MANIFEST, Manifest,
-    MergeError, Outcome, Pair, ReadError, generate, labelled_missions, merge, point, read_manifest,
-    read_shard,
+    MergeError, Outcome, Pair, Progress, ReadError, generate, labelled_missions, merge, point,
+    read_manifest, read_shard,
 };
 use nngtl::exact;
 use nngtl::ltl::semantics;
@@ -143,10 +143,9 @@ fn parts_that_do_not_belong_together_are_refused() {
     let first = part(11, 0, 2, 2);
     assert!(matches!(with(&[]), MergeError::Nothing));
     let alien = part(12, 2, 4, 2);
-    assert!(matches!(
-        with(&[&first, &alien]),
-        MergeError::OtherSet { .. }
-    ));
+    let other = with(&[&first, &alien]);
+    assert!(matches!(other, MergeError::OtherSet { .. }), "{other}");
+    assert!(other.to_string().contains("(seed 11, here 12)"), "{other}");
     let late = part(11, 4, 6, 2);
     let gap = with(&[&late, &first]);
     assert!(
@@ -175,12 +174,71 @@ fn a_run_that_was_stopped_is_finished_by_the_next() {
     let (_folder, files) = fresh();
     let folder = TempDir::new().unwrap();
     let stop = AtomicBool::new(false);
-    let after_three = |p: &nngtl::dataset::Progress| stop.store(p.maps >= 3, Ordering::Relaxed);
+    let after_three = |p: &Progress| stop.store(p.maps >= 3, Ordering::Relaxed);
     let outcome = generate(&config(folder.path()), &after_three, &stop).unwrap();
     assert!(matches!(outcome, Outcome::Stopped(_)));
     assert!(outcome.manifest().maps < 6);
     run(&config(folder.path()));
     assert_eq!(contents(folder.path()), files);
+}
+
+/// A sample depends on seed and index alone: a set of fewer maps is the beginning of a larger one.
+#[test]
+fn a_finished_set_is_extended_in_place_and_never_cut() {
+    let (_folder, whole) = fresh();
+    // The last shard is full, or has to be made again.
+    for maps in [2, 3] {
+        let folder = TempDir::new().unwrap();
+        let shorter = GenerateConfig {
+            to: maps,
+            ..config(folder.path())
+        };
+        run(&shorter);
+        let drawn = AtomicU64::new(0);
+        let count = |_: &Progress| {
+            drawn.fetch_add(1, Ordering::Relaxed);
+        };
+        generate(&config(folder.path()), &count, &AtomicBool::new(false)).unwrap();
+        assert_eq!(contents(folder.path()), whole);
+        assert_eq!(drawn.into_inner(), 4, "full shards are kept");
+        let cut = generate(&shorter, &|_| {}, &AtomicBool::new(false)).unwrap_err();
+        let says = format!("(maps 0 to 6, now 0 to {maps})");
+        assert!(cut.to_string().contains(&says), "{cut}");
+        let later = GenerateConfig {
+            from: 2,
+            ..config(folder.path())
+        };
+        let later = generate(&later, &|_| {}, &AtomicBool::new(false)).unwrap_err();
+        assert!(
+            later.to_string().contains("(maps 0 to 6, now 2 to 6)"),
+            "{later}"
+        );
+        assert_eq!(contents(folder.path()), whole);
+    }
+}
+
+/// Whenever it is stopped, what the manifest lists can be read.
+#[test]
+fn an_extension_that_was_stopped_keeps_what_was_there_and_goes_on() {
+    let (_folder, whole) = fresh();
+    let folder = TempDir::new().unwrap();
+    run(&GenerateConfig {
+        to: 3,
+        ..config(folder.path())
+    });
+    let before = contents(folder.path());
+    let at_once = generate(&config(folder.path()), &|_| {}, &AtomicBool::new(true));
+    assert!(matches!(at_once, Ok(Outcome::Stopped(_))));
+    assert_eq!(contents(folder.path()), before);
+    let stop = AtomicBool::new(false);
+    let after_four = |p: &Progress| stop.store(p.maps >= 4, Ordering::Relaxed);
+    let outcome = generate(&config(folder.path()), &after_four, &stop).unwrap();
+    assert!(matches!(outcome, Outcome::Stopped(m) if m.maps == 4));
+    let manifest = read_manifest(folder.path()).unwrap();
+    assert_eq!((manifest.maps, manifest.to), (4, 6));
+    assert_eq!(labelled_missions(folder.path()).unwrap().count(), 12);
+    run(&config(folder.path()));
+    assert_eq!(contents(folder.path()), whole);
 }
 
 /// One map of this many missions would take hours.
@@ -253,13 +311,41 @@ fn what_a_kill_or_a_bad_disk_leaves_is_made_again() {
 #[test]
 fn other_settings_never_mix_and_bad_ones_are_refused() {
     let (folder, _) = fresh();
-    let other = GenerateConfig {
-        seed: 12,
-        ..config(folder.path())
-    };
+    let usual = config(folder.path());
+    let mut turned = usual.families.clone();
+    turned.swap(0, 1);
     let error =
         |config: &GenerateConfig| generate(config, &|_| {}, &AtomicBool::new(false)).unwrap_err();
-    assert!(matches!(error(&other), GenerateError::OtherSet { .. }));
+    let expert = Expert::TlRrtStar { iterations: 9 };
+    for (other, says) in [
+        (
+            GenerateConfig {
+                seed: 12,
+                max_states: 7,
+                ..usual.clone()
+            },
+            "(seed 11, now 12; max_states 60, now 7)",
+        ),
+        (
+            GenerateConfig {
+                expert,
+                ..usual.clone()
+            },
+            "(expert exact, now name=tl-rrt-star,iterations=9)",
+        ),
+        // What is drawn depends on the order of the families, too.
+        (
+            GenerateConfig {
+                families: turned,
+                ..usual.clone()
+            },
+            "(families paper=1.0,clutter=1.0,",
+        ),
+    ] {
+        let error = error(&other);
+        assert!(matches!(error, GenerateError::OtherSet { .. }), "{error}");
+        assert!(error.to_string().contains(says), "{error}");
+    }
     let empty = TempDir::new().unwrap();
     let base = config(empty.path());
     for bad in [

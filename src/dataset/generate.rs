@@ -11,6 +11,7 @@ use flate2::write::GzEncoder;
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::differences::{Difference, differences, listed};
 use super::maps::Family;
 use super::read::{ReadError, digest, read_manifest};
 use super::record::{Counts, Manifest, ShardEntry, add_counts};
@@ -43,7 +44,7 @@ impl Expert {
 #[derive(Clone, Debug, PartialEq)]
 pub struct GenerateConfig {
     /// The directory to write to; made if missing. A set that was begun there with the same
-    /// settings is continued.
+    /// settings is continued, and extended if `to` has grown.
     pub out: PathBuf,
     /// The first map index; a multiple of `shard_maps`. Parts of one set can be made in
     /// different places and their files put together.
@@ -105,8 +106,9 @@ impl GenerateConfig {
     pub fn part(self, part: u64, of: u64) -> Result<Self, GenerateError> {
         let shards = (self.to - self.from).div_ceil(self.shard_maps.max(1));
         if part == 0 || part > of || of > shards {
+            let missions = self.shard_maps.saturating_mul(self.missions_per_map as u64);
             return Err(GenerateError::Config(format!(
-                "part {part} of {of}: parts count from 1, and there are {shards} shards of {} maps to share out",
+                "part {part} of {of}: parts count from 1, and a part is at least a shard of {} maps ({missions} missions), of which there are {shards}",
                 self.shard_maps
             )));
         }
@@ -162,9 +164,19 @@ impl GenerateConfig {
         settings
     }
 
-    fn empty_manifest(&self) -> Manifest {
+    /// The manifest of a set that has these shards.
+    fn manifest(&self, shards: &[ShardEntry]) -> Manifest {
         let (generator, maps) = (env!("CARGO_PKG_VERSION"), self.from..self.to);
-        Manifest::empty(generator, self.seed, maps, self.settings())
+        let mut manifest = Manifest::empty(generator, self.seed, maps, self.settings());
+        for shard in shards {
+            add_shard(&mut manifest, shard.clone());
+        }
+        manifest
+    }
+
+    /// The map index after the last of the shard that begins with map `from`.
+    fn shard_end(&self, from: u64) -> u64 {
+        self.to.min(from.saturating_add(self.shard_maps))
     }
 }
 
@@ -215,11 +227,14 @@ pub enum GenerateError {
     },
     /// The directory holds a data set of other settings.
     #[error(
-        "{path}: this data set was begun with another seed, range, version or other settings: choose another directory, or remove it first"
+        "{path}: this data set was begun with other settings ({}): it can be given more maps, all else alike; choose another directory, or remove it first",
+        listed(differences, "now")
     )]
     OtherSet {
         /// The manifest.
         path: PathBuf,
+        /// What differs.
+        differences: Vec<Difference>,
     },
     /// The manifest that is there cannot be read.
     #[error(transparent)]
@@ -229,9 +244,10 @@ pub enum GenerateError {
     Threads(String),
 }
 
-/// Generates a data set, or finishes one that was begun.
+/// Generates a data set, finishes one that was begun, or extends one that was made for fewer maps.
 ///
-/// Shards that are complete and whose digest is right are kept; a damaged one is made again.
+/// Shards that are complete and whose digest is right are kept; a damaged one is made again, and so is the last one of
+/// a set that is extended, unless it is full.
 /// `progress` is called after every map; setting `stop` ends the run after the missions at hand, and
 /// what was drawn of unfinished shards is drawn again by the next run.
 ///
@@ -253,26 +269,23 @@ pub fn generate(
 ) -> Result<Outcome, GenerateError> {
     config.check()?;
     fs::create_dir_all(&config.out).map_err(io_error(&config.out))?;
-    let kept = kept_shards(config)?;
+    let mut shards = kept_shards(config)?;
+    let full = |shard: &&ShardEntry| shard.to == config.shard_end(shard.from);
     let done = Mutex::new(Progress {
-        maps: kept.iter().map(|s| s.maps).sum(),
+        maps: shards.iter().filter(full).map(|s| s.maps).sum(),
         of: config.to - config.from,
-        missions: kept.iter().map(|s| s.missions).sum(),
+        missions: shards.iter().filter(full).map(|s| s.missions).sum(),
     });
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(config.threads)
         .build()
         .map_err(|e| GenerateError::Threads(e.to_string()))?;
-    let mut manifest = config.empty_manifest();
-    for shard in kept {
-        add_shard(&mut manifest, shard);
-    }
     let step = usize::try_from(config.shard_maps).unwrap_or(usize::MAX);
     for from in (config.from..config.to).step_by(step) {
-        if manifest.shards.iter().any(|s| s.from == from) {
+        if shards.iter().filter(full).any(|s| s.from == from) {
             continue;
         }
-        let to = config.to.min(from.saturating_add(config.shard_maps));
+        let to = config.shard_end(from);
         let samples: Option<Vec<Sample>> = pool.install(|| {
             let draw = |index| {
                 let sample = draw_sample(config, index, stop)?;
@@ -286,13 +299,17 @@ pub fn generate(
             (from..to).into_par_iter().map(draw).collect()
         });
         let Some(samples) = samples else {
-            return Ok(Outcome::Stopped(manifest));
+            return Ok(Outcome::Stopped(config.manifest(&shards)));
         };
-        add_shard(&mut manifest, write_shard(config, from, to, &samples)?);
-        write_manifest(config, &manifest)?;
+        if let Some(short) = shards.iter().position(|s| s.from == from) {
+            // Its file is written over: a manifest that still lists it would then be wrong.
+            shards.remove(short);
+            write_manifest(config, &shards)?;
+        }
+        shards.push(write_shard(config, from, to, &samples)?);
+        write_manifest(config, &shards)?;
     }
-    write_manifest(config, &manifest)?;
-    Ok(Outcome::Complete(manifest))
+    Ok(Outcome::Complete(write_manifest(config, &shards)?))
 }
 
 /// The shards of an earlier run that are sound.
@@ -302,13 +319,17 @@ fn kept_shards(config: &GenerateConfig) -> Result<Vec<ShardEntry>, GenerateError
         return Ok(Vec::new());
     }
     let found = read_manifest(&config.out).map_err(|e| GenerateError::Manifest(Box::new(e)))?;
-    let ours = config.empty_manifest();
-    let same = found.seed == ours.seed
-        && (found.from, found.to) == (ours.from, ours.to)
-        && found.generator == ours.generator
-        && found.settings == ours.settings;
-    if !same {
-        return Err(GenerateError::OtherSet { path });
+    let mut differences = differences(&found, &config.manifest(&[]));
+    if found.from != config.from || found.to > config.to {
+        let range = |from: u64, to: u64| format!("{from} to {to}");
+        differences.push(Difference {
+            setting: "maps".to_owned(),
+            old: range(found.from, found.to),
+            new: range(config.from, config.to),
+        });
+    }
+    if !differences.is_empty() {
+        return Err(GenerateError::OtherSet { path, differences });
     }
     let sound = |shard: &ShardEntry| {
         let path = config.out.join(&shard.file);
@@ -375,12 +396,17 @@ fn compress(samples: &[Sample]) -> io::Result<Vec<u8>> {
     encoder.finish()
 }
 
-fn write_manifest(config: &GenerateConfig, manifest: &Manifest) -> Result<(), GenerateError> {
+fn write_manifest(
+    config: &GenerateConfig,
+    shards: &[ShardEntry],
+) -> Result<Manifest, GenerateError> {
+    let manifest = config.manifest(shards);
     let path = config.out.join(MANIFEST);
     let mut text =
-        serde_json::to_vec_pretty(manifest).map_err(|e| io_error(&path)(io::Error::from(e)))?;
+        serde_json::to_vec_pretty(&manifest).map_err(|e| io_error(&path)(io::Error::from(e)))?;
     text.push(b'\n');
-    write_whole(&path, &text)
+    write_whole(&path, &text)?;
+    Ok(manifest)
 }
 
 /// Writes a file so that it is there as a whole or not at all.

@@ -4,6 +4,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::differences::{Difference, differences, listed};
 use super::generate::{MANIFEST, add_shard};
 use super::read::{ReadError, digest, read_manifest};
 use super::record::{Manifest, ShardEntry};
@@ -21,13 +22,16 @@ pub enum MergeError {
     Manifest(Box<ReadError>),
     /// Parts of different sets.
     #[error(
-        "{path}: made with another seed, version or other settings than {first}: parts of different sets do not go together"
+        "{path}: made with other settings than {first} ({}): parts of different sets do not go together",
+        listed(differences, "here")
     )]
     OtherSet {
         /// The part.
         path: PathBuf,
         /// The first part.
         first: PathBuf,
+        /// What differs from the first part.
+        differences: Vec<Difference>,
     },
     /// Maps that two parts have, with different content or in shards that begin elsewhere.
     #[error(
@@ -83,12 +87,13 @@ pub fn merge(parts: &[PathBuf], out: &Path) -> Result<Manifest, MergeError> {
         return Err(MergeError::Nothing);
     };
     for (path, part) in &found {
-        let same = part.seed == model.seed
-            && part.generator == model.generator
-            && part.settings == model.settings;
-        if !same {
-            let (path, first) = (path.clone(), first.clone());
-            return Err(MergeError::OtherSet { path, first });
+        let differences = differences(model, part);
+        if !differences.is_empty() {
+            return Err(MergeError::OtherSet {
+                path: path.clone(),
+                first: first.clone(),
+                differences,
+            });
         }
     }
     let bounds = |f: fn(&Manifest) -> u64| found.iter().map(move |(_, m)| f(m));

@@ -5,6 +5,7 @@
 //! [`read_shard`] and [`labelled_missions`] read them back.
 
 mod blobs;
+mod differences;
 mod generate;
 pub mod maps;
 mod mazes;
@@ -16,6 +17,7 @@ mod rooms;
 mod sample;
 mod shapes;
 
+pub use differences::Difference;
 pub use generate::{Expert, GenerateConfig, GenerateError, MANIFEST, Outcome, Progress, generate};
 pub use merge::{MergeError, merge};
 pub use read::{

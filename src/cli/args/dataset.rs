@@ -28,16 +28,17 @@ pub(in crate::cli) enum DatasetCommand {
 
 /// Generate random scenarios with expert plans
 ///
-/// Writes shards that can be resumed after an interruption and depend on the seed alone.
+/// Writes shards that depend on the seed alone. The same command goes on after an interruption, and with more
+/// --missions it extends a set that is there.
 #[derive(Args, Debug)]
 #[command(
     after_help = "Examples:\n  nngtl dataset generate --out data --missions 6000 --seed 1\n  nngtl dataset generate --out mazes --missions 600 --families mazes=2,blobs"
 )]
 pub(in crate::cli) struct GenerateArgs {
-    /// The folder to write to; what is already there is kept and completed
+    /// The folder to write to; what is already there is kept, completed and extended
     #[arg(long, value_name = "DIR")]
     pub(in crate::cli) out: PathBuf,
-    /// How many missions to draw, six on each map
+    /// How many missions to draw, six on each map, rounded up to whole maps
     #[arg(long, value_name = "N", default_value_t = 6000)]
     pub(in crate::cli) missions: u64,
     /// Seed of every random choice
@@ -51,7 +52,7 @@ pub(in crate::cli) struct GenerateArgs {
     #[arg(long, value_enum, value_name = "NAME", default_value_t = ExpertName::Exact)]
     pub(in crate::cli) expert: ExpertName,
     /// Make one part of several alone, counted from 1, each in a folder of its own (a cluster's job array);
-    /// `nngtl dataset merge` puts them together
+    /// `nngtl dataset merge` puts them together. A part is at least one shard, 600 missions (fewer in the last)
     #[arg(long, value_name = "K/N", value_parser = part_of)]
     pub(in crate::cli) part: Option<(u64, u64)>,
     /// Threads to use, 0 for one per core

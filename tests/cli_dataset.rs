@@ -1,0 +1,55 @@
+//! `nngtl dataset generate`: whole maps, sets that grow, and settings that do not fit.
+
+mod cli;
+
+use cli::{Run, folder, nngtl};
+
+fn generate(out: &str, more: &[&str]) -> Run {
+    nngtl(&[&["dataset", "generate", "--out", out], more].concat())
+}
+
+#[test]
+fn a_set_is_extended_by_whole_maps_and_says_which_settings_differ() {
+    let folder = folder();
+    let out = folder.path().join("set").display().to_string();
+    let missions = |wanted: &str| {
+        let run = generate(&out, &["--missions", wanted, "--json"]);
+        assert_eq!(run.code, 0, "{run:?}");
+        let object = run.json();
+        (object["missions"].as_u64(), object["maps"].as_u64())
+    };
+    assert_eq!(missions("10"), (Some(12), Some(2)));
+    assert_eq!(missions("18"), (Some(18), Some(3)));
+    assert_eq!(missions("18"), (Some(18), Some(3)));
+    for (arguments, says) in [
+        (&["--missions", "10"][..], "(maps 0 to 3, now 0 to 2)"),
+        (&["--missions", "18", "--seed", "4"], "(seed 0, now 4)"),
+        (
+            &["--missions", "18", "--families", "mazes=2,paper"],
+            "(families paper=0.55,clutter=0.25,rooms=0.2, now mazes=2.0,paper=1.0)",
+        ),
+    ] {
+        let run = generate(&out, arguments);
+        assert_eq!((run.code, run.out.as_str()), (2, ""), "{run:?}");
+        assert!(run.err.contains(says), "{says}: {run:?}");
+    }
+}
+
+#[test]
+fn help_and_refusal_tell_how_small_sets_and_parts_may_be() {
+    let help = nngtl(&["dataset", "generate", "--help"]).out;
+    // Lines are wrapped wherever the terminal ends.
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    for words in [
+        "rounded up to whole maps",
+        "A part is at least one shard, 600 missions",
+    ] {
+        assert!(help.contains(words), "{words}: {help}");
+    }
+    let folder = folder();
+    let out = folder.path().join("part").display().to_string();
+    let run = generate(&out, &["--missions", "1201", "--part", "1/4"]);
+    assert_eq!(run.code, 2, "{run:?}");
+    let says = "a part is at least a shard of 100 maps (600 missions), of which there are 3";
+    assert!(run.err.contains(says), "{run:?}");
+}

@@ -21,6 +21,8 @@ fn a_set_is_extended_by_whole_maps_and_says_which_settings_differ() {
     assert_eq!(missions("10"), (Some(12), Some(2)));
     assert_eq!(missions("18"), (Some(18), Some(3)));
     assert_eq!(missions("18"), (Some(18), Some(3)));
+    let told = generate(&out, &["--missions", "18"]).out;
+    assert!(told.contains("% at worst (3 missions looked at)"), "{told}");
     for (arguments, says) in [
         (&["--missions", "10"][..], "(maps 0 to 3, now 0 to 2)"),
         (&["--missions", "18", "--seed", "4"], "(seed 0, now 4)"),

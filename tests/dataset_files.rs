@@ -532,6 +532,72 @@ fn the_papers_expert_plans_the_same_kind_of_missions() {
     assert!(mixed.is_err(), "{mixed:?}");
 }
 
+/// The manifest's gap is that of what is written: certified bounds of the first mission of each map.
+#[test]
+fn the_manifest_tells_how_far_plans_are_from_the_optimum() {
+    let (folder, _) = fresh();
+    let told = read_manifest(folder.path()).unwrap().gap.unwrap();
+    let mut gaps = Vec::new();
+    let mut last = None;
+    for mission in labelled_missions(folder.path()).unwrap() {
+        let mission = mission.unwrap();
+        if last.replace(mission.map) == Some(mission.map) {
+            continue;
+        }
+        let cost = mission.record.cost;
+        let (map, start, task) = (&mission.workspace, mission.start, &mission.task);
+        let bound = exact::quick_bound(map, start, task, 0.2, cost);
+        assert!(bound > 0.0 && bound <= cost);
+        gaps.push((cost - bound) / bound);
+    }
+    assert_eq!((told.missions, told.unbounded), (6, 0));
+    let mean = gaps.iter().sum::<f64>() / 6.0;
+    let worst = gaps.iter().copied().fold(0.0, f64::max);
+    assert!((told.mean - mean).abs() < 3e-6, "{told:?}, {mean}");
+    assert!((told.worst - worst).abs() < 1e-6, "{told:?}, {worst}");
+    assert!(worst > 0.0);
+}
+
+/// Sets of earlier programs do not tell it: they are read, continued and put together with those that do.
+#[test]
+fn sets_without_gaps_are_read_continued_and_merged() {
+    let (told, whole) = fresh();
+    let folder = TempDir::new().unwrap();
+    run(&GenerateConfig {
+        to: 4,
+        ..config(folder.path())
+    });
+    let path = folder.path().join(MANIFEST);
+    let mut text: serde_json::Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    let forget = |object: &mut serde_json::Value| {
+        assert!(
+            object
+                .as_object_mut()
+                .unwrap()
+                .shift_remove("gap")
+                .is_some()
+        );
+    };
+    forget(&mut text);
+    text["shards"]
+        .as_array_mut()
+        .unwrap()
+        .iter_mut()
+        .for_each(forget);
+    fs::write(&path, text.to_string()).unwrap();
+    assert_eq!(read_manifest(folder.path()).unwrap().gap, None);
+    let grown = run(&config(folder.path()));
+    assert_eq!(
+        grown.gap.map(|gap| gap.missions),
+        Some(2),
+        "that of new maps"
+    );
+    let parts = [folder.path().to_owned(), told.path().to_owned()];
+    let out = TempDir::new().unwrap();
+    merge(&parts, out.path()).unwrap();
+    assert_eq!(contents(out.path()), whole);
+}
+
 #[test]
 fn few_missions_are_lost_by_rounding() {
     let folder = TempDir::new().unwrap();

@@ -73,6 +73,7 @@ fn tell(console: &Console, outcome: &str, manifest: &Manifest, out: &Path) -> Re
             "maps": manifest.maps,
             "missions": manifest.missions,
             "filtered": manifest.filtered,
+            "gap": manifest.gap,
         });
         format!("{object}\n")
     } else {
@@ -86,8 +87,17 @@ fn describe(manifest: &Manifest, folder: &str) -> String {
         let parts = counts.iter().map(|(name, n)| format!("{n} {name}"));
         parts.collect::<Vec<_>>().join(", ")
     };
+    let gap = manifest.gap.filter(|gap| gap.missions > 0);
+    let gap = gap.map_or_else(String::new, |gap| {
+        format!(
+            "  optimum   plans cost at most {:.1} % more on average, {:.1} % at worst ({} missions looked at)\n",
+            100.0 * gap.mean,
+            100.0 * gap.worst,
+            gap.missions
+        )
+    });
     format!(
-        "{folder}: {} missions on {} maps in {} shards\n  maps      {}\n  missions  {}\n  dropped   {}\n",
+        "{folder}: {} missions on {} maps in {} shards\n  maps      {}\n  missions  {}\n  dropped   {}\n{gap}",
         manifest.missions,
         manifest.maps,
         manifest.shards.len(),

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::differences::{Difference, differences, listed};
+use super::gap::Gap;
 use super::maps::Family;
 use super::read::{ReadError, digest, read_manifest};
 use super::record::{Counts, Manifest, ShardEntry, add_counts};
@@ -286,15 +287,16 @@ pub fn generate(
             continue;
         }
         let to = config.shard_end(from);
-        let samples: Option<Vec<Sample>> = pool.install(|| {
+        let samples: Option<Vec<(Sample, Gap)>> = pool.install(|| {
             let draw = |index| {
                 let sample = draw_sample(config, index, stop)?;
+                let gap = Gap::of_map(&sample.record, config.weight);
                 if let Ok(mut done) = done.lock() {
                     done.maps += 1;
                     done.missions += sample.record.missions.len() as u64;
                     progress(&done);
                 }
-                Some(sample)
+                Some((sample, gap))
             };
             (from..to).into_par_iter().map(draw).collect()
         });
@@ -350,13 +352,18 @@ pub(super) fn add_shard(manifest: &mut Manifest, shard: ShardEntry) {
     add_counts(&mut manifest.patterns, &shard.patterns);
     manifest.shards.push(shard);
     manifest.shards.sort_by_key(|s| s.from);
+    // Anew from all shards in order: a sum in another order may be another number.
+    let mut gaps = manifest.shards.iter().filter_map(|s| s.gap.as_ref());
+    manifest.gap = gaps
+        .next()
+        .map(|first| Gap::of_parts(std::iter::once(first).chain(gaps)));
 }
 
 fn write_shard(
     config: &GenerateConfig,
     from: u64,
     to: u64,
-    samples: &[Sample],
+    samples: &[(Sample, Gap)],
 ) -> Result<ShardEntry, GenerateError> {
     let file = format!("shard-{:05}.jsonl.gz", from / config.shard_maps);
     let path = config.out.join(&file);
@@ -372,8 +379,9 @@ fn write_shard(
         filtered: Counts::new(),
         families: Counts::new(),
         patterns: Counts::new(),
+        gap: Some(Gap::of_parts(samples.iter().map(|(_, gap)| gap))),
     };
-    for sample in samples {
+    for (sample, _) in samples {
         add_counts(&mut shard.filtered, &sample.filtered);
         let family = sample.record.family.name().to_owned();
         *shard.families.entry(family).or_default() += 1;
@@ -387,9 +395,9 @@ fn write_shard(
 }
 
 /// One JSON object a line. The header holds no time, so equal samples give equal bytes.
-fn compress(samples: &[Sample]) -> io::Result<Vec<u8>> {
+fn compress(samples: &[(Sample, Gap)]) -> io::Result<Vec<u8>> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
-    for sample in samples {
+    for (sample, _) in samples {
         serde_json::to_writer(&mut encoder, &sample.record)?;
         encoder.write_all(b"\n")?;
     }

@@ -134,8 +134,10 @@ fn in_order<'a>(
         part.shards.iter().map(move |s| (path, s))
     };
     let mut all: Vec<(&Path, &ShardEntry)> = parts.iter().flat_map(of).collect();
-    all.sort_by_key(|(_, s)| (s.from, s.to));
-    all.dedup_by(|a, b| a.1 == b.1);
+    // The same shard may be listed by an earlier program, too, which tells less of it.
+    all.sort_by_key(|(_, s)| (s.from, s.to, s.gap.is_none()));
+    let content = |s: &ShardEntry| (s.from, s.to, s.sha256.clone());
+    all.dedup_by(|a, b| content(a.1) == content(b.1));
     let mut next = from;
     for (path, shard) in &all {
         if shard.from < next {

@@ -6,6 +6,7 @@
 
 mod blobs;
 mod differences;
+mod gap;
 mod generate;
 pub mod maps;
 mod mazes;
@@ -18,6 +19,7 @@ mod sample;
 mod shapes;
 
 pub use differences::Difference;
+pub use gap::Gap;
 pub use generate::{Expert, GenerateConfig, GenerateError, MANIFEST, Outcome, Progress, generate};
 pub use merge::{MergeError, merge};
 pub use read::{

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 
+use super::gap::Gap;
 use super::maps::{Family, MapShapes, region_name};
 use super::missions::Pattern;
 use crate::automaton::{StateId, Task};
@@ -44,6 +45,9 @@ pub struct Manifest {
     pub families: Counts,
     /// Missions by pattern.
     pub patterns: Counts,
+    /// How far the expert's plans are from the optimum at most; nothing in sets of earlier programs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gap: Option<Gap>,
     /// The shards that are complete, in order.
     pub shards: Vec<ShardEntry>,
     /// What else the generator was told; shards of different settings never mix.
@@ -69,6 +73,7 @@ impl Manifest {
             filtered: Counts::new(),
             families: Counts::new(),
             patterns: Counts::new(),
+            gap: None,
             shards: Vec::new(),
             settings,
         }
@@ -96,6 +101,9 @@ pub struct ShardEntry {
     pub families: Counts,
     /// Its missions by pattern.
     pub patterns: Counts,
+    /// How far its plans are from the optimum at most; nothing in sets of earlier programs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gap: Option<Gap>,
 }
 
 /// A line of a shard: a map and its missions.

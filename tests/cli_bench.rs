@@ -116,6 +116,69 @@ fn two_reports_differ_in_times_alone() {
     assert!(other.err.contains("other settings"), "{other:?}");
 }
 
+/// The gaps alone make a report as a whole comparison does, and go on as it does.
+#[test]
+fn gaps_fill_a_folder_of_their_own() {
+    let folder = folder();
+    let out = folder.path().display().to_string();
+    let gaps = |missions: &str, more: &[&str]| {
+        let always = [
+            "bench",
+            "--gaps",
+            "--iterations",
+            "100",
+            "--samplers",
+            "biased,directed",
+            "--out",
+            &out,
+        ];
+        nngtl(&[&always[..], &["--missions", missions], more].concat())
+    };
+    let begun = gaps("2", &[]);
+    assert_eq!(begun.code, 0, "{begun:?}");
+    assert!(begun.out.contains("| directed | 100 iterations |"));
+    let mut names: Vec<_> = std::fs::read_dir(folder.path())
+        .unwrap()
+        .map(|f| f.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    let wanted = [
+        "costs.csv",
+        "costs.svg",
+        "missions.jsonl",
+        "report.json",
+        "report.md",
+    ];
+    assert_eq!(names, wanted);
+    let more = gaps("3", &["--json"]);
+    assert!(more.err.contains("2 missions are kept"), "{more:?}");
+    let object = more.json();
+    assert_eq!(
+        (object["outcome"].as_str(), object["missions"].as_u64()),
+        (Some("compared"), Some(3))
+    );
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    assert_eq!(read("costs.csv").lines().count(), 1 + 3 * 2);
+    assert!(read("costs.svg").contains(">directed</text>"));
+    let report = read("report.md");
+    for words in [
+        "3 missions, one search of each sampler, at most 100 iterations",
+        "](costs.svg)",
+        "| biased | 10 iterations |",
+        "every run: `costs.csv`, `report.json`",
+    ] {
+        assert!(report.contains(words), "{words}: {report}");
+    }
+    assert!(!report.contains("First plan"), "{report}");
+    let object: serde_json::Value = serde_json::from_str(&read("report.json")).unwrap();
+    let findings = &object["findings"];
+    assert_eq!(findings["costs"]["descents"].as_array().unwrap().len(), 6);
+    assert!(findings.get("first").is_none());
+    // A whole comparison is another one.
+    let whole = drawn(&["--out", &out, "--samplers", "biased,directed"]);
+    assert_eq!(whole.code, 2, "{whole:?}");
+}
+
 /// Ctrl-C writes the report of what is done, and the same command goes on from there.
 #[cfg(unix)]
 #[test]
@@ -180,7 +243,10 @@ fn arguments_that_make_no_sense_are_refused() {
             "no family of maps called `caves`",
         ),
         (&["bench", "--time-limit", "1"], "required"),
-        (&["bench", "--out", "x", "--gaps"], "cannot be used with"),
+        (
+            &["bench", "--out", "x", "--gaps", "--cost-iterations", "9"],
+            "cannot be used with",
+        ),
         (
             &["bench", "scenarios", "--missions", "3"],
             "cannot be used with",

@@ -90,7 +90,7 @@ impl Trial {
 pub struct Comparison {
     /// Who runs, in the order of the report.
     pub contenders: Vec<Contender>,
-    /// Runs per mission and contender; their seeds count up from the settings' seed.
+    /// Runs per mission and contender, none where costs alone are followed; their seeds count up from the settings' seed.
     pub trials: u64,
     /// Settings of every search; its `first` is set, its iterations are the cap.
     pub settings: Settings,

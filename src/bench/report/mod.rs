@@ -129,6 +129,12 @@ impl Report {
             trials,
         }
     }
+
+    /// Whether no run was asked for, as where costs alone are followed.
+    #[must_use]
+    pub fn is_unwanted(&self) -> bool {
+        self.comparison.trials == 0
+    }
 }
 
 /// Whether a ratio is worth a row: everything is compared with biased sampling, and the networks with

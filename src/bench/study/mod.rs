@@ -63,11 +63,14 @@ pub struct Record {
 pub struct Findings {
     /// The format's version.
     pub version: u32,
+    /// Missions that were run.
+    pub done: usize,
     /// Missions that were wanted; fewer were run if the study was interrupted.
     pub wanted: usize,
     /// Whether networks' predictions were asked for and missing on some missions.
     pub without_predictions: usize,
     /// Until the first plan.
+    #[serde(skip_serializing_if = "Report::is_unwanted")]
     pub first: Report,
     /// Costs over time.
     pub costs: Option<Convergence>,
@@ -77,7 +80,7 @@ impl Findings {
     /// Whether some missions were not run.
     #[must_use]
     pub fn is_partial(&self) -> bool {
-        self.first.missions < self.wanted
+        self.done < self.wanted
     }
 }
 
@@ -163,6 +166,7 @@ impl Study {
 
     fn findings(&self, cases: &[Case], records: Vec<Record>) -> Findings {
         let contenders = &self.comparison.contenders;
+        let done = records.len();
         let mut trials = Vec::new();
         let mut costs = self.costs.as_ref().map(|costs| Convergence {
             version: 2,
@@ -185,6 +189,7 @@ impl Study {
         let lacking = cases.iter().filter(|c| asked && c.predictions.is_empty());
         Findings {
             version: 2,
+            done,
             wanted: cases.len(),
             without_predictions: lacking.count(),
             first: Report::new(self.comparison.clone(), self.complex_from, trials),

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{ArgGroup, Args, Subcommand, ValueEnum};
 
 use super::dataset::family_weight;
 use super::{DeviceName, GuidedArgs, NetworkArgs};
@@ -17,12 +17,14 @@ use crate::planner::Settings;
 /// bootstrap intervals. Without SCENARIOS, missions like the paper's are drawn.
 ///
 /// With --out, a folder gets a report with plots, every run as CSV and JSON, and costs over time beside the
-/// exact planner's plan. Ctrl-C ends with the report of what is done; the same command goes on from there.
+/// exact planner's plan; with --gaps, too, those costs alone. Ctrl-C ends with the report of what is done; the same
+/// command goes on from there.
 #[derive(Args, Debug)]
 #[command(
-    after_help = "Examples:\n  nngtl bench scenarios/*.toml\n  nngtl bench --out table-one\n  nngtl bench --families mazes,blobs --missions 200 --samplers biased,directed,guided\n  nngtl bench data --limit 200 --trials 5 --report bench.md --csv bench.csv"
+    after_help = "Examples:\n  nngtl bench scenarios/*.toml\n  nngtl bench --out table-one\n  nngtl bench --gaps --iterations 2000 --out gaps\n  nngtl bench --families mazes,blobs --missions 200 --samplers biased,directed,guided\n  nngtl bench data --limit 200 --trials 5 --report bench.md --csv bench.csv"
 )]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+#[command(group = ArgGroup::new("follows").multiple(true))]
 pub(in crate::cli) struct BenchArgs {
     #[command(subcommand)]
     pub(in crate::cli) table: Option<BenchCommand>,
@@ -124,8 +126,15 @@ pub(in crate::cli) struct BenchCostArgs {
     /// to the exact planner's plan, and when; one run of each sampler
     #[arg(long, group = "follows")]
     pub(in crate::cli) gaps: bool,
-    /// With --out: iterations of the searches that go on, one of each sampler; 0 leaves them out
-    #[arg(long, value_name = "N", default_value_t = 2_000, requires = "out")]
+    /// With --out: iterations of the searches that go on, one of each sampler; 0 leaves them out. With --gaps,
+    /// --iterations says it
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 2_000,
+        requires = "out",
+        conflicts_with = "gaps"
+    )]
     pub(in crate::cli) cost_iterations: u64,
     /// With --gaps or --out: seconds of each search that goes on, at most
     #[arg(long, value_name = "S", requires = "follows")]

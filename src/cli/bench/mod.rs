@@ -43,14 +43,12 @@ pub(super) fn run(args: &BenchArgs, console: &Console) -> Result<(), Failure> {
     if cases.is_empty() && !stop.is_raised() {
         return Err(Failure::input("there is no mission to compare samplers on"));
     }
-    if args.costs.gaps {
-        return gaps(args, &cases, &study, &stop, console);
-    }
     match folder {
         Some(folder) => {
             let devices = predictors.iter().map(|p| p.device().to_owned()).collect();
             in_folder(&study, &cases, folder, devices, &stop, console)
         }
+        None if args.costs.gaps => gaps(args, &cases, &study, &stop, console),
         None => first_plans(args, &study, &cases, &stop, console),
     }
 }
@@ -58,8 +56,13 @@ pub(super) fn run(args: &BenchArgs, console: &Console) -> Result<(), Failure> {
 /// What the arguments ask to measure.
 fn study(args: &BenchArgs, predictors: &[Predictor]) -> Study {
     let settings = settings(args);
-    let costs = (args.out.is_some() && args.costs.cost_iterations > 0).then(|| {
-        let (iterations, time_limit) = (args.costs.cost_iterations, args.costs.time_limit);
+    let (iterations, trials) = match args.costs.gaps {
+        true => (args.iterations, 0),
+        false => (args.costs.cost_iterations, args.trials),
+    };
+    let followed = args.costs.gaps || iterations > 0;
+    let costs = (args.out.is_some() && followed).then(|| {
+        let time_limit = args.costs.time_limit;
         CostSettings {
             settings: Settings {
                 iterations,
@@ -73,7 +76,7 @@ fn study(args: &BenchArgs, predictors: &[Predictor]) -> Study {
     Study {
         comparison: crate::bench::Comparison {
             contenders: contenders(args, predictors),
-            trials: args.trials,
+            trials,
             settings,
         },
         complex_from: args.complex_from,
@@ -130,7 +133,7 @@ fn first_plans(
     )
 }
 
-/// Runs until the first plan and costs over time, in a folder.
+/// Runs until the first plan and costs over time, or those alone, in a folder.
 fn in_folder(
     study: &Study,
     cases: &[Case],
@@ -172,22 +175,27 @@ fn in_folder(
     .already_told())
 }
 
-/// The tables of first plans, or as JSON everything but the runs.
+/// The tables of first plans (of costs where there are no others), or as JSON everything but the runs.
 fn summary(findings: &Findings, folder: &Path, as_json: bool) -> String {
     let first = &findings.first;
     if !as_json {
-        return first.to_markdown();
+        return match &findings.costs {
+            Some(costs) if first.is_unwanted() => costs.to_markdown(),
+            _ => first.to_markdown(),
+        };
     }
-    let object = json!({
+    let mut object = json!({
         "version": JSON_VERSION,
         "outcome": if findings.is_partial() { "interrupted" } else { "compared" },
         "folder": folder,
-        "missions": first.missions,
+        "missions": findings.done,
         "wanted": findings.wanted,
-        "classes": first.classes,
-        "rows": first.rows,
-        "ratios": first.ratios,
     });
+    if !first.is_unwanted() {
+        object["classes"] = json!(first.classes);
+        object["rows"] = json!(first.rows);
+        object["ratios"] = json!(first.ratios);
+    }
     format!("{object}\n")
 }
 

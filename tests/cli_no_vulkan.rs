@@ -119,6 +119,46 @@ fn without_vulkan_the_cpu_plans_and_one_line_says_so() {
     }
 }
 
+/// Wherever networks are asked late, or for a library, a missing adapter is told as well, and once.
+#[test]
+fn without_vulkan_every_command_that_asks_networks_says_so_once() {
+    let scenario = shipped("case-study.toml");
+    let folder = folder();
+    let file = |name: &str| folder.path().join(name).display().to_string();
+    let (library, heatmap) = (file("skills.library"), file("heat.npy"));
+    let (networks, first) = (model(), ["plan", &scenario, "--first", "--model"]);
+    let model = networks.path().display().to_string();
+    let loaded_and_not_asked = [&first[..], &[&model]].concat();
+    let commands: [&[&str]; 4] = [
+        &loaded_and_not_asked,
+        &["plan", &scenario, "--iterations", "300", "--threads", "2"],
+        &[
+            "library",
+            "build",
+            &scenario,
+            "--sampler",
+            "guided",
+            "--samples",
+            "200",
+            "--out",
+            &library,
+        ],
+        &["heatmap", &scenario, "--out", &heatmap],
+    ];
+    for arguments in commands {
+        let mut command = command();
+        command.args(arguments).args(["--device", "gpu"]);
+        Hidden::Drivers.hide(&mut command, folder.path());
+        let run = finish(&mut command);
+        assert_eq!(run.code, 0, "{arguments:?}: {run:?}");
+        let lines = said(&run);
+        let [line] = &lines[..] else {
+            panic!("{arguments:?}: {run:?}");
+        };
+        assert!(line.contains("no gpu adapter was found"), "{run:?}");
+    }
+}
+
 #[test]
 fn without_vulkan_devices_lists_the_cpu() {
     for hidden in Hidden::ALL {

@@ -244,6 +244,40 @@ fn a_heatmap_that_was_not_written_is_not_listed() {
     assert_eq!(files(&["--sampler", "guided"]), (1, false, true));
 }
 
+/// Nobody misses an adapter that was left to `auto`; one that was asked for by name is told, once.
+#[test]
+fn an_adapter_that_was_asked_for_and_not_used_is_told_in_one_line() {
+    let early = "was not used, nor looked for: the search ended before it asked the networks";
+    let cases: [(&[&str], Option<&str>); 6] = [
+        (&["--first", "--device", "gpu"], Some(early)),
+        (&["--first", "--device", "software"], Some(early)),
+        (
+            &["--first", "--device", "gpu", "--sampler", "biased"],
+            Some("the device gpu was not used, as the biased sampler asks no networks"),
+        ),
+        (
+            &["--device", "gpu", "--sampler", "exact"],
+            Some("the device gpu was not used, as the exact sampler asks no networks"),
+        ),
+        (&["--first", "--device", "cpu"], None),
+        (&["--first"], None),
+    ];
+    for (arguments, says) in cases {
+        let always = ["--json", "--sampler", "auto"];
+        let run = plan("case-study.toml", &[&always, arguments].concat());
+        let lines: Vec<&str> = run.err.lines().collect();
+        let notices = run.json()["notices"].as_array().unwrap().clone();
+        match (says, &lines[..], &notices[..]) {
+            (None, [], []) => {}
+            (Some(says), [line], [notice]) => {
+                assert!(line.contains(says), "{run:?}");
+                assert!(notice.as_str().unwrap().contains(says), "{run:?}");
+            }
+            _ => panic!("{arguments:?}: {run:?}"),
+        }
+    }
+}
+
 #[test]
 fn the_exact_planner_beats_sampling_here() {
     let exact = plan("case-study.toml", &["--sampler", "exact", "--json"]).json();

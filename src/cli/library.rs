@@ -119,14 +119,18 @@ pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Fa
     let stop = super::interrupt::stop_on_interrupt();
     let bar = console.progress(settings.samples, "learning");
     let began = std::time::Instant::now();
-    let built = mission::build_library(&scenario, &task, &options, &settings, &stop, &mut |p| {
+    let learned = mission::build_library(&scenario, &task, &options, &settings, &stop, &mut |p| {
         bar.set_position(p.samples);
         bar.set_message(format!(
             "{} of {} subtasks, {} nodes",
             p.found, p.subtasks, p.nodes
         ));
-    })?;
+    });
     bar.finish_and_clear();
+    let (built, notice) = learned?;
+    if let Some(notice) = &notice {
+        console.warn(notice);
+    }
     if stop.is_raised() {
         console.warn("interrupted: this is what was learned so far");
     }
@@ -150,6 +154,7 @@ pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Fa
             let object = json!({
                 "version": JSON_VERSION,
                 "outcome": "built",
+                "notices": notice.as_slice(),
                 "scenario": scenario.name,
                 "file": args.out,
                 "skills": library.skills().len(),

@@ -7,7 +7,7 @@ use super::{MissionError, Options, SamplerChoice};
 use crate::automaton::Task;
 use crate::encoding::{AutomatonGraph, Encoding, MapInput};
 use crate::guidance::Guidance;
-use crate::nn::{PredictError, Predictor};
+use crate::nn::{DeviceChoice, PredictError, Predictor};
 use crate::planner::{Deferred, Guide, Problem, Sampler};
 use crate::scenario::Scenario;
 use crate::system::{Spot, TransitionSystem, Ways};
@@ -190,9 +190,10 @@ pub(super) struct Answer {
 }
 
 impl Chosen {
-    /// A sampler without networks.
-    pub(super) fn plain(sampler: Sampler) -> Self {
-        Self::new(sampler, Answer::default())
+    /// A sampler without networks, which leaves the wanted device alone.
+    pub(super) fn plain(sampler: Sampler, wanted: DeviceChoice) -> Self {
+        let notice = unused_by(wanted, sampler.name());
+        Self::new(sampler, Answer::without_networks(notice))
     }
 
     fn new(sampler: Sampler, answer: Answer) -> Self {
@@ -206,12 +207,42 @@ impl Chosen {
     }
 }
 
+/// What is said where this sampler searches, if an adapter was asked for.
+pub(super) fn unused_by(wanted: DeviceChoice, sampler: &str) -> Option<String> {
+    let why = format!(", as the {sampler} sampler asks no networks (--sampler guided does)");
+    unused_device(wanted, &why)
+}
+
+/// What is said if a search ends before it asks the networks, which are loaded by then only if they were `named`.
+fn unasked(wanted: DeviceChoice, named: Option<&Predictor>) -> Option<String> {
+    let looked = match named.map(Predictor::notice) {
+        None => ", nor looked for".to_owned(),
+        Some(None) => String::new(),
+        Some(Some(missing)) => format!(": {missing}"),
+    };
+    let why = "the search ended before it asked the networks (--sampler guided asks them first)";
+    unused_device(wanted, &format!("{looked}: {why}"))
+}
+
+/// What is said where an adapter was asked for and nothing ran on it. Nobody misses one that was left to `auto`.
+pub(super) fn unused_device(wanted: DeviceChoice, why: &str) -> Option<String> {
+    let adapter = matches!(wanted, DeviceChoice::Gpu | DeviceChoice::Software);
+    adapter.then(|| format!("the device {wanted} was not used{why}"))
+}
+
 impl Answer {
     fn new(mut prediction: Prediction) -> Self {
         Self {
             notices: prediction.notice.take().into_iter().collect(),
             prediction: Some(prediction),
             waited: 0.0,
+        }
+    }
+
+    fn without_networks(notice: Option<String>) -> Self {
+        Self {
+            notices: notice.into_iter().collect(),
+            ..Self::default()
         }
     }
 
@@ -245,7 +276,7 @@ pub(super) fn choose(
         }
         SamplerChoice::Auto => return deferred(scenario, problem, options),
     };
-    Ok(Chosen::plain(sampler))
+    Ok(Chosen::plain(sampler, options.device))
 }
 
 fn deferred(
@@ -256,7 +287,8 @@ fn deferred(
     let named = options.model.as_ref().map(|_| load(options)).transpose()?;
     let (map, problem) = (Arc::clone(&scenario.workspace), problem.clone());
     let options = options.clone();
-    let answer = Arc::new(Mutex::new(Answer::default()));
+    let unasked = Answer::without_networks(unasked(options.device, named.as_ref()));
+    let answer = Arc::new(Mutex::new(unasked));
     let into = Arc::clone(&answer);
     let sampler = Deferred::new(Deferred::WORTH_IT, move || {
         let began = Instant::now();
@@ -265,12 +297,8 @@ fn deferred(
         let (guide, mut said) = match found {
             Ok((guide, prediction)) => (Some(guide), Answer::new(prediction)),
             Err(e) => {
-                let notices = vec![format!("planning without guidance: {e}")];
-                let said = Answer {
-                    notices,
-                    ..Answer::default()
-                };
-                (None, said)
+                let notice = format!("planning without guidance: {e}");
+                (None, Answer::without_networks(Some(notice)))
             }
         };
         said.waited = began.elapsed().as_secs_f64();

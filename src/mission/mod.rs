@@ -193,7 +193,7 @@ pub fn plan_task(
     let began = Instant::now();
     let task = Arc::new(task);
     if options.sampler == SamplerChoice::Exact {
-        return exact(scenario, &task).map_err(|e| explained(scenario, &task, e));
+        return exact(scenario, &task, options).map_err(|e| explained(scenario, &task, e));
     }
     let problem = problem(scenario, Arc::clone(&task))?;
     check_reachable(scenario, &task, &*problem.system)?;
@@ -288,7 +288,7 @@ fn explained(scenario: &Scenario, task: &Task, e: MissionError) -> MissionError 
 }
 
 /// Plans without sampling.
-fn exact(scenario: &Scenario, task: &Task) -> Result<Planned, MissionError> {
+fn exact(scenario: &Scenario, task: &Task, options: &Options) -> Result<Planned, MissionError> {
     let began = Instant::now();
     let (path, cost) = match scenario.grid {
         None => {
@@ -323,7 +323,9 @@ fn exact(scenario: &Scenario, task: &Task) -> Result<Planned, MissionError> {
         file,
         guidance: None,
         edges: Vec::new(),
-        notices: Vec::new(),
+        notices: guide::unused_by(options.device, "exact")
+            .into_iter()
+            .collect(),
     })
 }
 

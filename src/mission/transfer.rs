@@ -20,7 +20,7 @@ use crate::transfer::{
 const SWEEPS: usize = 12;
 
 /// Builds a library from a scenario's mission. The sampler is `uniform` as in the paper, or `guided` by
-/// the heatmap of that mission; `auto` is uniform.
+/// the heatmap of that mission; `auto` is uniform. Told beside the library is what a user should know of the device.
 ///
 /// # Errors
 /// See [`MissionError`].
@@ -31,20 +31,23 @@ pub fn build_library(
     settings: &BuildSettings,
     stop: &Stop,
     observe: &mut dyn FnMut(BuildProgress),
-) -> Result<Built, MissionError> {
+) -> Result<(Built, Option<String>), MissionError> {
     let problem = problem(scenario, Arc::new(task.clone()))?;
     let (system, start) = (&*problem.system, problem.start);
-    let sampler = match options.sampler {
+    let (sampler, notice) = match options.sampler {
         SamplerChoice::Guided => {
             let mut networks = guide::load(options)?;
             let (_, prediction) = guide::ask(&mut networks, &scenario.workspace, &problem)?;
-            BuildSampler::Guided(prediction.guidance.heatmap)
+            let heatmap = prediction.guidance.heatmap;
+            (BuildSampler::Guided(heatmap), prediction.notice)
         }
-        _ => BuildSampler::Uniform,
+        _ => (
+            BuildSampler::Uniform,
+            guide::unused_by(options.device, Sampler::Uniform.name()),
+        ),
     };
-    Ok(transfer::build(
-        system, start, task, &sampler, settings, stop, observe,
-    )?)
+    let built = transfer::build(system, start, task, &sampler, settings, stop, observe)?;
+    Ok((built, notice))
 }
 
 /// Plans a mission with a library that is bound to the scenario's map. The sampler `auto` is uniform
@@ -65,7 +68,7 @@ pub fn transfer_task(
     let problem = problem(scenario, Arc::clone(&task))?;
     check_reachable(scenario, &task, &*problem.system)?;
     let chosen = match options.sampler {
-        SamplerChoice::Auto => guide::Chosen::plain(Sampler::Uniform),
+        SamplerChoice::Auto => guide::Chosen::plain(Sampler::Uniform, options.device),
         _ => guide::choose(scenario, &problem, options)?,
     };
     let searched = Instant::now();
@@ -195,7 +198,9 @@ pub fn replan_task(
         file,
         guidance: None,
         edges: Vec::new(),
-        notices: Vec::new(),
+        notices: guide::unused_device(options.device, ", as repairs ask no networks")
+            .into_iter()
+            .collect(),
     };
     Ok((planned, change))
 }

@@ -123,6 +123,12 @@ impl Predictor {
         self.backend.name()
     }
 
+    /// Why the CPU is to run the networks although another device was asked for, unless that was taken already.
+    #[must_use]
+    pub fn notice(&self) -> Option<&Fallback> {
+        self.notice.as_ref()
+    }
+
     /// Why the CPU runs the networks although another device was asked for: once.
     pub fn take_notice(&mut self) -> Option<Fallback> {
         self.notice.take()

@@ -47,6 +47,11 @@ impl Neighbour {
             visible: None,
         }
     }
+
+    /// Whether a step of a node there may lead to a state; false only if none does.
+    pub(super) fn leads_to(&self, state: StateId) -> bool {
+        self.targets & bit(state) != 0
+    }
 }
 
 impl Tree<'_> {

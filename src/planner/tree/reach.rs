@@ -25,6 +25,7 @@ impl Tree<'_> {
             };
             self.find_neighbours(spot, near, &[], &mut neighbours);
         }
+        neighbours.retain(|n| n.bound < limit && n.leads_to(state));
         neighbours.sort_unstable_by(|a, b| a.bound.total_cmp(&b.bound).then(a.site.cmp(&b.site)));
         let held = self.find(spot.at, state).map(|n| (n, self.cost(n)));
         let mut best = held.filter(|&(_, length)| length < limit);

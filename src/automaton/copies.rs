@@ -79,3 +79,108 @@ fn lasts(nba: &Nba, q: StateId) -> bool {
     let mut steps = nba.outgoing(q).iter();
     waiting.is_some_and(|w| steps.all(|t| t.guard.is_subset(w)))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use rand::RngExt;
+
+    use super::*;
+    use crate::alphabet::{Alphabet, Letter};
+    use crate::random::{Random, generator};
+
+    /// An automaton of up to five states, each transition there or not.
+    fn random_nba(random: &mut Random) -> Nba {
+        let names = ["a", "b"].map(str::to_owned).to_vec();
+        let alphabet = Arc::new(Alphabet::disjoint(names).unwrap());
+        let states = random.random_range(1..=5);
+        let row = |random: &mut Random| -> Vec<Transition> {
+            let to = (0..states).filter_map(|target| {
+                let letters = alphabet.letters().filter(|_| random.random_bool(0.3));
+                let mut guard = alphabet.none();
+                letters.for_each(|l| guard.insert(l));
+                let target = StateId(target);
+                (!guard.is_empty()).then_some(Transition { target, guard })
+            });
+            to.collect()
+        };
+        let transitions = (0..states).map(|_| row(random)).collect();
+        let accepting = (0..states).map(|_| random.random_bool(0.4)).collect();
+        Nba {
+            alphabet: Arc::clone(&alphabet),
+            initial: vec![StateId(0)],
+            accepting,
+            transitions,
+        }
+    }
+
+    #[test]
+    fn copies_change_no_language_and_stand_on_no_cycle() {
+        let mut random = generator(1, 0);
+        let mut made = 0;
+        for _ in 0..3_000 {
+            let nba = random_nba(&mut random);
+            let Some(Copies { nba: with, origin }) = Copies::of(&nba) else {
+                continue;
+            };
+            made += 1;
+            let letters = nba.alphabet.len() as u32;
+            for _ in 0..20 {
+                let [prefix, cycle] = [0, 1].map(|least| -> Vec<Letter> {
+                    let len = random.random_range(least..=least + 4);
+                    (0..len)
+                        .map(|_| Letter(random.random_range(0..letters)))
+                        .collect()
+                });
+                let (one, other) = (nba.accepts(&prefix, &cycle), with.accepts(&prefix, &cycle));
+                assert_eq!(one, other, "{prefix:?} ({cycle:?}):\n{nba}\n{with}");
+            }
+            let targets = |q: usize| with.transitions[q].iter().map(|t| t.target.index());
+            let component = components(with.len(), targets);
+            for q in with.states() {
+                for t in with.outgoing(q) {
+                    // What is a step here is one of the states that they stand for.
+                    let own = nba.guard(origin[q.index()], origin[t.target.index()]);
+                    assert_eq!(own, Some(&t.guard));
+                    let copied = t.target.index() >= nba.len();
+                    assert!(!copied || component[q.index()] != component[t.target.index()]);
+                }
+                assert!(!with.is_accepting(q) || q.index() < nba.len());
+            }
+        }
+        assert!(made > 300, "{made}");
+    }
+
+    #[test]
+    fn where_the_state_lasts_nothing_is_copied() {
+        let names = ["a"].map(str::to_owned).to_vec();
+        let alphabet = Arc::new(Alphabet::disjoint(names).unwrap());
+        let a = alphabet.letters_with(0);
+        let to = |target, guard| Transition {
+            target: StateId(target),
+            guard,
+        };
+        // Once a, then anything.
+        let mut visit = Nba {
+            initial: vec![StateId(0)],
+            accepting: vec![false, true],
+            transitions: vec![
+                vec![to(0, a.complement()), to(1, a.clone())],
+                vec![to(1, alphabet.all())],
+            ],
+            alphabet,
+        };
+        assert!(Copies::of(&visit).is_none());
+        // Once a, then for ever again: after the first one the robot may be far from the next.
+        visit.transitions[1] = vec![to(1, a.clone()), to(2, a.complement())];
+        visit
+            .transitions
+            .push(vec![to(1, a.clone()), to(2, a.complement())]);
+        visit.accepting.push(false);
+        let copies = Copies::of(&visit).unwrap();
+        assert_eq!(copies.origin, [0, 1, 2, 1].map(StateId));
+        assert_eq!(copies.nba.guard(StateId(0), StateId(3)), Some(&a));
+        assert_eq!(copies.nba.guard(StateId(0), StateId(1)), None);
+    }
+}

@@ -187,6 +187,63 @@ fn a_patrol_has_a_suffix_that_returns() {
     }
 }
 
+/// `b` once, then `a` again and again: after `b` an accepting state is entered that no cycle leads back to from there.
+fn then_again_and_again(alphabet: &Arc<Alphabet>) -> Nba {
+    let edges = [
+        (0, 0, "!b"),
+        (0, 1, "b"),
+        (1, 1, "a"),
+        (1, 2, "!a"),
+        (2, 1, "a"),
+        (2, 2, "!a"),
+    ];
+    nba(alphabet, &[false, true, false], &edges)
+}
+
+/// `a` again and again, unless `b` is never met.
+fn unless_it_is_left_alone(alphabet: &Arc<Alphabet>) -> Nba {
+    let edges = [
+        (0, 0, "!b"),
+        (0, 1, "b"),
+        (1, 1, "!a"),
+        (1, 2, "a"),
+        (2, 1, "!a"),
+        (2, 2, "a"),
+    ];
+    nba(alphabet, &[true, false, true], &edges)
+}
+
+#[test]
+fn accepting_states_that_are_only_passed_are_no_goals() {
+    // Out of sight of a, the second one in b, where the accepting state that it begins in is left for good.
+    for problem in [
+        problem(p(0.1, 0.1), 0.2, then_again_and_again),
+        problem(p(0.15, 0.85), 0.2, unless_it_is_left_alone),
+    ] {
+        let nba = &problem.task.nba;
+        for sampler in samplers(&problem) {
+            for seed in 0..5 {
+                let settings = Settings {
+                    iterations: 800,
+                    first: true,
+                    seed,
+                    ..Settings::default()
+                };
+                let solution = run(&problem, &sampler, &settings)
+                    .unwrap_or_else(|e| panic!("{} {seed}: {e}", sampler.name()));
+                let path = &solution.path;
+                // The states are those of the automaton that was given.
+                for ends in path.prefix.windows(2).chain(path.suffix.windows(2)) {
+                    let letter = problem.system.settle(ends[0].at).unwrap().letter;
+                    let guard = nba.guard(ends[0].state, ends[1].state).unwrap();
+                    assert!(guard.contains(letter), "{path:?}");
+                }
+                assert!(path.suffix.iter().any(|w| nba.is_accepting(w.state)));
+            }
+        }
+    }
+}
+
 #[test]
 fn the_same_seed_gives_the_same_plan() {
     let problem = problem(p(0.1, 0.1), 0.2, patrol);

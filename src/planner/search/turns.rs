@@ -6,9 +6,11 @@ use super::{Best, Search};
 use crate::planner::suffix::SuffixTree;
 use crate::planner::tree::NodeId;
 
-/// Another suffix tree is opened once the open ones have had this many iterations each, times
-/// their number: none of them can block the others, and few are grown deep.
+/// Another suffix tree is opened once the open ones have had so many iterations each: none of them can block the others.
 const SUFFIX_QUANTUM: u64 = 40;
+
+/// From so many trees on they have to have had more, in proportion to their number: few are grown deep.
+const MANY_SUFFIXES: u64 = 32;
 
 /// Which tree an iteration goes to.
 #[derive(Clone, Copy)]
@@ -38,7 +40,8 @@ impl Search<'_> {
 
     fn choose_suffix(&mut self) -> Option<usize> {
         let trees = self.suffixes.len() as u64;
-        let due = (SUFFIX_QUANTUM * trees * trees).max(self.next_opening);
+        let each = SUFFIX_QUANTUM * trees.max(MANY_SUFFIXES) / MANY_SUFFIXES;
+        let due = (each * trees).max(self.next_opening);
         if self.suffix_iterations >= due {
             if let Some(goal) = self.most_promising_goal() {
                 self.open_suffix(goal);

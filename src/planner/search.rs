@@ -294,7 +294,8 @@ impl<'a> Search<'a> {
             &mut self.random,
         );
         self.stats.failed_samples += u64::from(!grown);
-        if suffix.close(&*self.problem.system, &self.problem.task.nba) {
+        if suffix.close(&*self.problem.system, &self.problem.task.nba) && self.is_worth_entering(i)
+        {
             self.consider_suffix(i);
         }
     }

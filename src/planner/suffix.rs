@@ -17,6 +17,8 @@ pub(crate) struct SuffixTree<'a> {
     pub(crate) iterations: u64,
     /// The length of the cheapest way back, and the node from which it closes.
     best: Option<(f64, NodeId)>,
+    /// The length of the way back that was last made a plan of, and what that plan cost.
+    pub(crate) entered: Option<(f64, f64)>,
     touched: Vec<NodeId>,
 }
 
@@ -30,6 +32,7 @@ impl<'a> SuffixTree<'a> {
             tree: prefix.beside(prefix.spot(goal), &[state]),
             iterations: 0,
             best: None,
+            entered: None,
             touched: Vec::new(),
         }
     }

@@ -8,6 +8,9 @@ use crate::planner::suffix::Entry;
 use crate::planner::tree::NodeId;
 use crate::shorten::Shortener;
 
+/// Where to enter a way back is looked for anew once it has got shorter by so much.
+const NOTABLE: f64 = 0.01;
+
 impl Search<'_> {
     /// Takes note of goals that are new or cheaper.
     pub(super) fn look_at_prefix(&mut self) {
@@ -53,6 +56,17 @@ impl Search<'_> {
         }
     }
 
+    /// Whether a way back that has got shorter may make a plan that is better than the best, or worth shortening: where to enter
+    /// it has to be found anew, and most often that is where it was.
+    pub(super) fn is_worth_entering(&self, i: usize) -> bool {
+        let suffix = &self.suffixes[i];
+        let known = suffix.entered.zip(suffix.length());
+        known.is_none_or(|((length, total), now)| {
+            let saved = (1.0 - self.problem.weight) * (length - now);
+            now <= length * (1.0 - NOTABLE) || self.is_better_total(total - saved)
+        })
+    }
+
     /// The plan whose suffix is the shortest way back that a suffix tree knows, entered where that is
     /// cheapest.
     pub(super) fn consider_suffix(&mut self, i: usize) {
@@ -71,6 +85,7 @@ impl Search<'_> {
         let Some((entry, cost)) = self.enter(cycle, length) else {
             return;
         };
+        self.suffixes[i].entered = Some((length, cost.total));
         self.offer(goal, Some(i), cost);
         if self.is_better(cost) {
             let mut path = self.outdated();
@@ -177,7 +192,11 @@ impl Search<'_> {
     }
 
     fn is_better(&self, cost: Cost) -> bool {
-        self.best.as_ref().is_none_or(|b| cost.total < b.cost.total)
+        self.is_better_total(cost.total)
+    }
+
+    fn is_better_total(&self, total: f64) -> bool {
+        self.best.as_ref().is_none_or(|b| total < b.cost.total)
     }
 
     fn keep(&mut self, goal: NodeId, path: Path, cost: Cost) {

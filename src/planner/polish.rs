@@ -69,7 +69,7 @@ pub(super) struct Polish<'a> {
     /// Points of the best plan that the tree should hold.
     pub(super) beacons: VecDeque<Point2<f64>>,
     /// The cost of the plan for which other entries were last looked for.
-    pub(super) entered: f64,
+    pub(super) looked_around: f64,
 }
 
 impl<'a> Polish<'a> {
@@ -79,7 +79,7 @@ impl<'a> Polish<'a> {
             known: Vec::new(),
             done: 0,
             beacons: VecDeque::new(),
-            entered: f64::INFINITY,
+            looked_around: f64::INFINITY,
         }
     }
 

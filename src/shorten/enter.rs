@@ -11,7 +11,7 @@ use crate::plan::{Cost, Path};
 const TRIES: usize = 5;
 
 /// Passes over the points of a plan that is entered elsewhere.
-const SWEEPS: usize = 12;
+pub(super) const SWEEPS: usize = 12;
 
 /// A place at which the prefix could meet the suffix.
 struct Meeting {
@@ -26,7 +26,7 @@ struct Meeting {
 }
 
 /// A way around obstacles: its bends and its end.
-type Walk<'w> = &'w dyn Fn(Point2<f64>, Point2<f64>) -> Vec<Point2<f64>>;
+pub(super) type Walk<'w> = &'w dyn Fn(Point2<f64>, Point2<f64>) -> Vec<Point2<f64>>;
 
 impl Shortener<'_> {
     /// Enters the suffix elsewhere if that is cheaper: in the middle of any of its legs, straight from any

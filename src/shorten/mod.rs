@@ -10,6 +10,7 @@
 //!
 //! Planners that share nothing else use this: it sees a path and makes it shorter.
 
+mod around;
 mod chain;
 mod enter;
 mod follow;

@@ -133,22 +133,23 @@ impl Search<'_> {
                 }
             }
         }
-        self.enter_around();
+        self.look_around();
         if !self.suffixes.is_empty() {
             let turn = self.stats.iterations / ENTRY_PERIOD;
             self.consider_suffix((turn % self.suffixes.len() as u64) as usize);
         }
     }
 
-    /// Enters the best plan's suffix along a way around obstacles if that is cheaper. Once for each best plan.
-    fn enter_around(&mut self) {
+    /// Gives the best plan's legs other ways around obstacles, and enters its suffix along one, if that is cheaper. Once
+    /// for each best plan.
+    fn look_around(&mut self) {
         let (Some(polish), Some(best)) = (&mut self.polish, &self.best) else {
             return;
         };
-        if best.path.suffix.len() < 2 || polish.entered == best.cost.total {
+        if polish.looked_around == best.cost.total {
             return;
         }
-        polish.entered = best.cost.total;
+        polish.looked_around = best.cost.total;
         let system = &*self.problem.system;
         let walk = |from, to| {
             let mut way = Vec::new();
@@ -156,10 +157,12 @@ impl Search<'_> {
             way
         };
         let goal = best.goal;
-        if let Some((path, cost)) = polish.shortener.enter_around(&best.path, &walk)
-            && self.is_better(cost)
-        {
-            self.keep_with_beacons(goal, path, cost);
+        let entered = polish.shortener.enter_around(&best.path, &walk);
+        let around = polish.shortener.go_around(&best.path, &walk);
+        for (path, cost) in [entered, around].into_iter().flatten() {
+            if self.is_better(cost) {
+                self.keep_with_beacons(goal, path, cost);
+            }
         }
     }
 

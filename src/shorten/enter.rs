@@ -142,7 +142,7 @@ impl Shortener<'_> {
     }
 
     /// The points of the suffix, without the one where it is entered if it need not pass there.
-    fn round(&self, chain: &Chain) -> Vec<Point2<f64>> {
+    pub(super) fn round(&self, chain: &Chain) -> Vec<Point2<f64>> {
         let round = chain.points[chain.split..].to_vec();
         let last = round.len() - 1;
         if last >= 2 {

@@ -15,6 +15,7 @@ mod chain;
 mod enter;
 mod follow;
 mod pull;
+mod reorder;
 mod word;
 
 use std::cell::RefCell;

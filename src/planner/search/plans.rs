@@ -159,7 +159,8 @@ impl Search<'_> {
         let goal = best.goal;
         let entered = polish.shortener.enter_around(&best.path, &walk);
         let around = polish.shortener.go_around(&best.path, &walk);
-        for (path, cost) in [entered, around].into_iter().flatten() {
+        let reordered = polish.shortener.reorder(&best.path, &walk);
+        for (path, cost) in [entered, around, reordered].into_iter().flatten() {
             if self.is_better(cost) {
                 self.keep_with_beacons(goal, path, cost);
             }

@@ -1,0 +1,195 @@
+//! Another order of visits.
+
+use nalgebra::Point2;
+use rustc_hash::FxHashMap;
+
+use super::Shortener;
+use super::chain::{Chain, length};
+use super::enter::{SWEEPS, Walk};
+use crate::plan::{Cost, Path};
+
+/// Parts of plans with more visits are left as they are: the number of orders that are looked at grows with its square.
+const MAX_STOPS: usize = 12;
+
+/// So many visits in a row are moved together at most.
+const TOGETHER: usize = 3;
+
+/// How many orders are given to the automaton, the shortest first.
+const TRIES: usize = 5;
+
+/// Stops, and the shortest ways between them as far as they were asked for.
+struct Stops<'w> {
+    at: Vec<Point2<f64>>,
+    walk: Walk<'w>,
+    /// By two stops the way from one to the other: its points but the first.
+    ways: FxHashMap<[usize; 2], Vec<Point2<f64>>>,
+}
+
+impl Stops<'_> {
+    fn straight(&self, order: &[usize]) -> f64 {
+        let legs = order.windows(2);
+        legs.map(|w| (self.at[w[1]] - self.at[w[0]]).norm()).sum()
+    }
+
+    /// The points of the shortest ways from stop to stop; `None` where there is no way.
+    fn points(&mut self, order: &[usize]) -> Option<Vec<Point2<f64>>> {
+        let mut points = vec![self.at[order[0]]];
+        for ends in order.windows(2) {
+            let [from, to] = [ends[0], ends[1]];
+            let (at, walk) = (&self.at, self.walk);
+            let way = self.ways.entry([from, to]);
+            let way = way.or_insert_with(|| walk(at[from], at[to]));
+            points.extend_from_slice(way);
+            way.last()?;
+        }
+        Some(points)
+    }
+
+    /// The ways of the shortest orders that are shorter than `limit`, the shortest first. `closed`: the way leads back to
+    /// the first stop; else `to_last`: it ends at the last one.
+    fn shorter(&mut self, closed: bool, to_last: bool, limit: f64) -> Vec<Vec<Point2<f64>>> {
+        let mut found: Vec<(f64, Vec<Point2<f64>>)> = Vec::new();
+        for mut order in orders(self.at.len(), to_last) {
+            if closed {
+                order.push(0);
+            }
+            if self.straight(&order) >= limit {
+                continue;
+            }
+            if let Some(points) = self.points(&order) {
+                found.push((length(&points), points));
+            }
+        }
+        found.retain(|f| f.0 < limit);
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        found.truncate(TRIES);
+        found.into_iter().map(|f| f.1).collect()
+    }
+}
+
+/// Orders of `count` stops that begin with the first one, in which up to [`TOGETHER`] in a row stand elsewhere, or the other
+/// way around (S. Lin, "Computer solutions of the traveling salesman problem", 1965; I. Or's moves of short segments, 1976).
+fn orders(count: usize, to_last: bool) -> Vec<Vec<usize>> {
+    let end = if to_last {
+        count.saturating_sub(1)
+    } else {
+        count
+    };
+    let mut all = Vec::new();
+    for from in 1..end {
+        for to in from + 1..=end {
+            let reversed = (from..to).rev();
+            let rest: Vec<usize> = (0..count).filter(|i| !(from..to).contains(i)).collect();
+            let mut put = |at: usize, part: &mut dyn Iterator<Item = usize>| {
+                let mut order = rest[..at].to_vec();
+                order.extend(part);
+                order.extend_from_slice(&rest[at..]);
+                all.push(order);
+            };
+            put(from, &mut reversed.clone());
+            if to - from <= TOGETHER {
+                let last = if to_last { rest.len() - 1 } else { rest.len() };
+                for at in (1..=last).filter(|&at| at != from) {
+                    put(at, &mut (from..to));
+                    put(at, &mut reversed.clone());
+                }
+            }
+        }
+    }
+    all
+}
+
+impl Shortener<'_> {
+    /// Makes a plan that visits in another order where that is shorter and the automaton has a run along it: of what the suffix visits,
+    /// or else of what the prefix does.
+    pub(crate) fn reorder(&self, path: &Path, walk: Walk<'_>) -> Option<(Path, Cost)> {
+        let chain = Chain::of_path(path);
+        let finish = |mut new: Chain| {
+            self.realise(&new)?;
+            self.improve(&mut new, SWEEPS);
+            self.realise(&new)
+                .filter(|(path, _)| self.is_firm_path(path))
+        };
+        let suffixes = self.other_suffixes(&chain, walk);
+        let found = suffixes.into_iter().find_map(finish);
+        found.or_else(|| {
+            let prefixes = self.other_prefixes(&chain, walk);
+            prefixes.into_iter().find_map(finish)
+        })
+    }
+
+    /// The plan with other suffixes.
+    fn other_suffixes(&self, chain: &Chain, walk: Walk<'_>) -> Vec<Chain> {
+        if chain.stays {
+            return Vec::new();
+        }
+        let round = self.round(chain);
+        let passes = round[0] == chain.points[chain.split];
+        let Some(mut stops) = self.stops(&round, false, walk) else {
+            return Vec::new();
+        };
+        let limit = length(&round) + (round[0] - round[round.len() - 1]).norm() - self.min_gain;
+        let kept = match chain.split {
+            0 => 1,
+            split => split + usize::from(passes),
+        };
+        let kept = &chain.points[..kept];
+        let first = stops.at[0];
+        let begin = |ring: Vec<Point2<f64>>| {
+            let mut points = kept.to_vec();
+            let here = points[points.len() - 1];
+            if here != first {
+                points.extend(walk(here, first));
+            }
+            let split = points.len() - 1;
+            points.extend_from_slice(&ring[1..ring.len() - 1]);
+            Chain {
+                points,
+                split,
+                stays: false,
+            }
+        };
+        let rings = stops.shorter(true, false, limit);
+        rings.into_iter().map(begin).collect()
+    }
+
+    /// The plan with other prefixes.
+    fn other_prefixes(&self, chain: &Chain, walk: Walk<'_>) -> Vec<Chain> {
+        let prefix = &chain.points[..=chain.split];
+        let Some(mut stops) = self.stops(prefix, true, walk) else {
+            return Vec::new();
+        };
+        let begin = |mut points: Vec<Point2<f64>>| {
+            let split = points.len() - 1;
+            points.extend_from_slice(&chain.points[chain.split + 1..]);
+            Chain {
+                points,
+                split,
+                stays: chain.stays,
+            }
+        };
+        let limit = length(prefix) - self.min_gain;
+        let found = stops.shorter(false, !chain.stays, limit);
+        found.into_iter().map(begin).collect()
+    }
+
+    /// The points that are no corners of obstacles, the first one, and if it is to be kept the last one; `None` if they have only
+    /// one order, or too many.
+    fn stops<'w>(
+        &self,
+        points: &[Point2<f64>],
+        keep_last: bool,
+        walk: Walk<'w>,
+    ) -> Option<Stops<'w>> {
+        let last = points.len().checked_sub(1)?;
+        let kept = |i: usize| i == 0 || keep_last && i == last;
+        let stops = points.iter().enumerate();
+        let stops = stops.filter(|(i, p)| kept(*i) || !self.corners.contains(p));
+        let at: Vec<Point2<f64>> = stops.map(|(_, p)| *p).collect();
+        (3..=MAX_STOPS).contains(&at.len()).then(|| Stops {
+            at,
+            walk,
+            ways: FxHashMap::default(),
+        })
+    }
+}

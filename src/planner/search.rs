@@ -88,7 +88,7 @@ pub fn profile(
 const ENTRY_PERIOD: u64 = 128;
 
 /// The first such time; from then on also whenever the number of iterations has doubled.
-const FIRST_ENTRY: u64 = 32;
+const FIRST_ENTRY: u64 = 8;
 
 /// Whether better entries to suffixes are looked for now.
 fn is_entry_due(iterations: u64) -> bool {

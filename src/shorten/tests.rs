@@ -178,6 +178,126 @@ fn loops_are_entered_around_obstacles() {
     );
 }
 
+/// Shortest ways around obstacles, as the planner asks for them.
+fn walks(map: &Workspace) -> impl Fn(Point2<f64>, Point2<f64>) -> Vec<Point2<f64>> {
+    let system = Continuous::new(Arc::new(map.clone()), p(0.01, 0.01)).unwrap();
+    move |from, to| {
+        let mut way = Vec::new();
+        crate::system::TransitionSystem::walk(&system, from, to, &mut |p| way.push(p));
+        way
+    }
+}
+
+/// Verifies with the checker that a plan begins at `start` and does what `text` says.
+fn check(
+    map: &Workspace,
+    text: &str,
+    start: Point2<f64>,
+    (path, cost): &(Path, Cost),
+    weight: f64,
+) {
+    let formula = text.parse().unwrap();
+    crate::verify::verify(map, start, &formula, path, weight, Some(cost)).unwrap();
+}
+
+#[test]
+fn legs_take_the_other_way_around_an_obstacle_where_that_is_shorter() {
+    let map = map(
+        &[rectangle(0.3, 0.4, 0.8, 0.6)],
+        &[
+            rectangle(0.35, 0.0, 0.45, 0.1),
+            rectangle(0.1, 0.45, 0.2, 0.55),
+        ],
+    );
+    let (start, end) = (p(0.4, 0.9), p(0.4, 0.05));
+    let by_right = path(&[start, p(0.85, 0.7), p(0.85, 0.3), end], &[end]);
+    let walk = walks(&map);
+    for text in ["F l1", "F l1 & G !l2"] {
+        let task = task(&map, text);
+        let shortener = Shortener::new(&map, &task, 1.0);
+        let (taut, cost) = shortener.shorten(&by_right, 20).unwrap();
+        // The other side of the obstacle is never seen by strings that are pulled.
+        assert!(cost.total > 1.15, "{cost:?}");
+        let found = shortener.go_around(&taut, &walk).unwrap();
+        check(&map, text, start, &found, 1.0);
+        assert!(found.1.total < 0.9, "{:?}", found.1);
+        assert!(
+            shortener.go_around(&found.0, &walk).is_none(),
+            "once is enough"
+        );
+    }
+}
+
+#[test]
+fn a_way_around_that_the_task_forbids_is_not_taken() {
+    // The left way leads through l2.
+    let map = map(
+        &[rectangle(0.3, 0.4, 0.8, 0.6)],
+        &[
+            rectangle(0.35, 0.0, 0.45, 0.1),
+            rectangle(0.0, 0.45, 0.35, 0.55),
+        ],
+    );
+    let (start, end) = (p(0.4, 0.9), p(0.4, 0.05));
+    let by_right = path(&[start, p(0.85, 0.7), p(0.85, 0.3), end], &[end]);
+    let task = task(&map, "F l1 & G !l2");
+    let shortener = Shortener::new(&map, &task, 1.0);
+    let (taut, _) = shortener.shorten(&by_right, 20).unwrap();
+    assert!(shortener.go_around(&taut, &walks(&map)).is_none());
+}
+
+/// Regions in the corners of a square, from the lower left one counter-clockwise.
+fn four_corners() -> Workspace {
+    let square = |x: f64, y: f64| rectangle(x, y, x + 0.1, y + 0.1);
+    map(
+        &[rectangle(0.45, 0.45, 0.55, 0.55)],
+        &[
+            square(0.1, 0.1),
+            square(0.8, 0.1),
+            square(0.8, 0.8),
+            square(0.1, 0.8),
+        ],
+    )
+}
+
+#[test]
+fn visits_are_put_in_another_order_where_the_task_allows_it() {
+    let map = four_corners();
+    let walk = walks(&map);
+    let [a, b, c, d] = [p(0.15, 0.15), p(0.85, 0.15), p(0.85, 0.85), p(0.15, 0.85)];
+    let start = p(0.15, 0.5);
+    let (below, above) = (p(0.6, 0.4), p(0.6, 0.6));
+    let crossing = path(&[start, c, below, a, d, above, b], &[b]);
+    let patrol = path(&[start, a], &[a, below, c, d, above, b, a]);
+    for (text, given, least, most) in [
+        ("F l1 & F l2 & F l3 & F l4", &crossing, 2.0, 2.4),
+        (
+            "GF l1 & G(l1 -> F l2) & G(l1 -> F l3) & G(l1 -> F l4)",
+            &patrol,
+            2.0,
+            2.9,
+        ),
+    ] {
+        let task = task(&map, text);
+        let shortener = Shortener::new(&map, &task, 0.2);
+        let (mut plan, mut cost) = shortener.shorten(given, 20).expect(text);
+        let before = cost.total;
+        while let Some(found) = shortener.reorder(&plan, &walk) {
+            assert!(found.1.total < cost.total, "{text}");
+            (plan, cost) = found;
+            check(&map, text, start, &(plan.clone(), cost), 0.2);
+        }
+        let length = cost.prefix + cost.suffix;
+        assert!(cost.total < 0.95 * before, "{text}: {before} {cost:?}");
+        assert!((least..most).contains(&length), "{text}: {cost:?}");
+    }
+    // The same visits one after another: no other order is a plan.
+    let task = task(&map, "F (l3 & F (l1 & F (l4 & F l2)))");
+    let shortener = Shortener::new(&map, &task, 0.2);
+    let (plan, _) = shortener.shorten(&crossing, 20).unwrap();
+    assert!(shortener.reorder(&plan, &walk).is_none());
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 

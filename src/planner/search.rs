@@ -83,14 +83,14 @@ pub fn profile(
     Ok(split)
 }
 
-/// The best plan's suffix is entered anew after so many iterations, since ways to it get shorter; and that
-/// of one other goal.
+/// The best plan's suffix is entered anew after so many iterations, since ways to it get shorter, and that
+/// of one other goal; and other ways and orders of visits are tried.
 const ENTRY_PERIOD: u64 = 128;
 
 /// The first such time; from then on also whenever the number of iterations has doubled.
 const FIRST_ENTRY: u64 = 8;
 
-/// Whether better entries to suffixes are looked for now.
+/// Whether suffixes are entered anew and other ways are tried now.
 fn is_entry_due(iterations: u64) -> bool {
     let doubled = iterations >= FIRST_ENTRY && iterations.is_power_of_two();
     doubled || iterations.is_multiple_of(ENTRY_PERIOD)

@@ -7,8 +7,7 @@
 //! suffix is entered moves to where its three legs balance, or to another leg of the suffix. What comes
 //! out is a local optimum for the order of visits and the way around obstacles that the given plan chose.
 //! Other entries, ways and orders are tried apart from that, as they take longer: by
-//! [`enter_around`](Shortener::enter_around), [`go_around`](Shortener::go_around) and [`reorder`](Shortener::reorder), with shortest
-//! ways that the planner knows. The result's run is found anew.
+//! `enter_around`, `go_around` and `reorder`, with shortest ways that the planner knows. The result's run is found anew.
 //!
 //! Planners that share nothing else use this: it sees a path and makes it shorter.
 

@@ -113,7 +113,8 @@ impl Search<'_> {
         Some((entry, Cost::new(entry.length, length, self.problem.weight)))
     }
 
-    /// Looks for better entries to the best plan's suffix and, in turn, to those of other goals.
+    /// Looks for better entries to the best plan's suffix and, in turn, to those of other goals, and for other ways and orders
+    /// of the best plan.
     pub(super) fn enter_again(&mut self) {
         let Some(best) = &mut self.best else { return };
         if best.path.suffix.len() > 1 {
@@ -140,8 +141,8 @@ impl Search<'_> {
         }
     }
 
-    /// Gives the best plan's legs other ways around obstacles, and enters its suffix along one, if that is cheaper. Once
-    /// for each best plan.
+    /// Gives the best plan's legs other ways around obstacles, enters its suffix along one, and visits in another order, if that is
+    /// cheaper. Once for each best plan.
     fn look_around(&mut self) {
         let (Some(polish), Some(best)) = (&mut self.polish, &self.best) else {
             return;

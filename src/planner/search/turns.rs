@@ -6,10 +6,11 @@ use super::{Best, Search};
 use crate::planner::suffix::SuffixTree;
 use crate::planner::tree::NodeId;
 
-/// Another suffix tree is opened once the open ones have had so many iterations each: none of them can block the others.
+/// Another suffix tree is opened once the open ones have had so many iterations each, times their number: none of them can block
+/// the others, and few are grown deep.
 const SUFFIX_QUANTUM: u64 = 40;
 
-/// From so many trees on they have to have had more, in proportion to their number: few are grown deep.
+/// Once a loop is known, others are looked for in more places: the number of trees counts from this one on.
 const MANY_SUFFIXES: u64 = 32;
 
 /// Which tree an iteration goes to.
@@ -40,7 +41,10 @@ impl Search<'_> {
 
     fn choose_suffix(&mut self) -> Option<usize> {
         let trees = self.suffixes.len() as u64;
-        let each = SUFFIX_QUANTUM * trees.max(MANY_SUFFIXES) / MANY_SUFFIXES;
+        let each = match self.best {
+            None => SUFFIX_QUANTUM * trees,
+            Some(_) => SUFFIX_QUANTUM * trees.max(MANY_SUFFIXES) / MANY_SUFFIXES,
+        };
         let due = (each * trees).max(self.next_opening);
         if self.suffix_iterations >= due {
             if let Some(goal) = self.most_promising_goal() {

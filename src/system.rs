@@ -17,7 +17,7 @@ use crate::workspace::{Bounds, Workspace};
 
 pub use continuous::{Continuous, StartError};
 pub use grid::{Grid, GridError, MAX_CELLS};
-pub use ways::Ways;
+pub use ways::{MapLayout, Ways};
 
 /// A place where the robot can be, with what it sees there.
 #[derive(Clone, Copy, Debug, PartialEq)]

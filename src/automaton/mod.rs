@@ -22,6 +22,7 @@ mod simulation;
 mod subset;
 mod tableau;
 mod task;
+mod tour;
 mod translate;
 mod write;
 
@@ -31,4 +32,5 @@ pub use hoa::{HoaError, HoaErrorKind, read_hoa, read_hoa_stream};
 pub use limits::Limits;
 pub use nba::{Nba, StateId, Transition};
 pub use task::{Distances, Task, TaskError};
-pub use translate::{TranslateError, translate};
+pub use tour::Layout;
+pub use translate::{TranslateError, translate, translate_on};

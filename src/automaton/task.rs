@@ -3,8 +3,9 @@
 use std::sync::{Arc, OnceLock};
 
 use super::scc::components;
-use super::translate::is_satisfiable;
-use super::{Limits, Nba, StateId, TranslateError, translate};
+use super::tour::Layout;
+use super::translate::{is_satisfiable, translate, translate_on};
+use super::{Limits, Nba, StateId, TranslateError};
 use crate::alphabet::Alphabet;
 use crate::ltl::Formula;
 
@@ -198,8 +199,28 @@ impl Task {
         alphabet: Arc<Alphabet>,
         limits: &Limits,
     ) -> Result<Self, TaskError> {
-        let letters = alphabet.len();
-        let nba = translate(formula, alphabet, limits)?;
+        Self::of(translate(formula, alphabet, limits)?, formula, limits)
+    }
+
+    /// As [`Self::from_formula`], for a map whose places `layout` tells of: those of a patrol are waited for in the
+    /// order of a short tour. The automaton accepts the same words; what changes is which cycle of places is one cycle of its
+    /// states, and so the cheapest plan.
+    ///
+    /// # Errors
+    /// As [`Self::from_formula`].
+    pub fn on_map(
+        formula: &Formula,
+        alphabet: Arc<Alphabet>,
+        limits: &Limits,
+        layout: &dyn Layout,
+    ) -> Result<Self, TaskError> {
+        let nba = translate_on(formula, alphabet, limits, layout)?;
+        Self::of(nba, formula, limits)
+    }
+
+    /// A formula's automaton, or why it is empty.
+    fn of(nba: Nba, formula: &Formula, limits: &Limits) -> Result<Self, TaskError> {
+        let letters = nba.alphabet.len();
         if !nba.is_empty() {
             return Ok(Self::from_trimmed(nba, Some(formula.clone())));
         }

@@ -8,6 +8,7 @@ use super::degeneralize::degeneralize;
 use super::graph::Graph;
 use super::limits::{Limits, Watch};
 use super::normal::Lowered;
+use super::tour::{self, Layout};
 use super::{Nba, StateId, Transition, obligation, shrink, simulation, subset, tableau};
 use crate::alphabet::{Alphabet, MAX_POWERSET, Props};
 use crate::ltl::{Formula, MAX_DEPTH};
@@ -92,6 +93,29 @@ pub fn translate(
     alphabet: Arc<Alphabet>,
     limits: &Limits,
 ) -> Result<Nba, TranslateError> {
+    translated(formula, alphabet, limits, None)
+}
+
+/// As [`translate`], for a map: what is due again and again at four places or more is waited for in the order of a short tour of
+/// them. In the order that gives the smallest automaton a cycle of its states may go to and fro between them.
+///
+/// # Errors
+/// As [`translate`].
+pub fn translate_on(
+    formula: &Formula,
+    alphabet: Arc<Alphabet>,
+    limits: &Limits,
+    layout: &dyn Layout,
+) -> Result<Nba, TranslateError> {
+    translated(formula, alphabet, limits, Some(layout))
+}
+
+fn translated(
+    formula: &Formula,
+    alphabet: Arc<Alphabet>,
+    limits: &Limits,
+    layout: Option<&dyn Layout>,
+) -> Result<Nba, TranslateError> {
     let depth = formula.depth();
     if depth > MAX_DEPTH {
         return Err(TranslateError::TooDeep {
@@ -102,7 +126,7 @@ pub fn translate(
     let watch = Watch::new(limits);
     let mut lowered = Lowered::new(formula, &alphabet)
         .map_err(|name| TranslateError::UnknownProposition { name })?;
-    let buchi = small(&mut lowered, &watch)?;
+    let buchi = small(&mut lowered, layout, &watch)?;
     Ok(finish(buchi, &lowered, alphabet))
 }
 
@@ -148,12 +172,18 @@ const NEGATION_EDGES: usize = 2_000;
 
 /// Tries several ways and takes the smallest automaton; of equal ones that which accepts soonest, since a
 /// plan's prefix leads to acceptance.
-fn small(lowered: &mut Lowered, watch: &Watch<'_>) -> Result<Buchi, TranslateError> {
+fn small(
+    lowered: &mut Lowered,
+    layout: Option<&dyn Layout>,
+    watch: &Watch<'_>,
+) -> Result<Buchi, TranslateError> {
+    let seen = lowered.seen.clone();
+    let orders = |graph: &Graph| layout.map_or_else(Vec::new, |l| tour::orders(graph, &seen, l));
     let letters = lowered.arena.letters();
     let mut graph = tableau::build(&mut lowered.arena, lowered.formula, watch)?;
     reduce(&mut graph);
     watch.tick()?;
-    let mut candidates = vec![accepting_states(&graph, watch)?];
+    let mut candidates = vec![accepting_states(&graph, orders(&graph), watch)?];
     if candidates[0].len() < 2 {
         return Ok(candidates.swap_remove(0));
     }
@@ -161,7 +191,7 @@ fn small(lowered: &mut Lowered, watch: &Watch<'_>) -> Result<Buchi, TranslateErr
     if let Some(mut fewer) = subset::postpone(&graph, letters, sets) {
         reduce(&mut fewer);
         watch.tick()?;
-        candidates.push(accepting_states(&fewer, watch)?);
+        candidates.push(accepting_states(&fewer, orders(&fewer), watch)?);
     }
     let negation = negation(lowered, watch)?;
     if let Some(negation) = &negation {
@@ -195,22 +225,28 @@ fn negation(lowered: &mut Lowered, watch: &Watch<'_>) -> Result<Option<Graph>, T
     Ok(Some(graph))
 }
 
-/// The smallest automaton with accepting states over the orders in which marks can be waited for, and
-/// whether the first round waits for all of them.
-fn accepting_states(graph: &Graph, watch: &Watch<'_>) -> Result<Buchi, TranslateError> {
-    let order: Vec<u32> = (0..graph.marks).collect();
-    let mut orders = vec![order.clone()];
-    match order[..] {
-        [] | [_] => {}
-        [a, b] => orders.push(vec![b, a]),
-        [a, b, c] => orders.extend([
-            vec![a, c, b],
-            vec![b, a, c],
-            vec![b, c, a],
-            vec![c, a, b],
-            vec![c, b, a],
-        ]),
-        _ => orders.push(order.iter().rev().copied().collect()),
+/// The smallest automaton with accepting states over the orders in which marks can be waited for (all that are
+/// worth trying, if none are given), and whether the first round waits for all of them.
+fn accepting_states(
+    graph: &Graph,
+    mut orders: Vec<Vec<u32>>,
+    watch: &Watch<'_>,
+) -> Result<Buchi, TranslateError> {
+    if orders.is_empty() {
+        let order: Vec<u32> = (0..graph.marks).collect();
+        match order[..] {
+            [] | [_] => {}
+            [a, b] => orders.push(vec![b, a]),
+            [a, b, c] => orders.extend([
+                vec![a, c, b],
+                vec![b, a, c],
+                vec![b, c, a],
+                vec![c, a, b],
+                vec![c, b, a],
+            ]),
+            _ => orders.push(order.iter().rev().copied().collect()),
+        }
+        orders.insert(0, order);
     }
     let mut best: Option<Buchi> = None;
     for order in orders {

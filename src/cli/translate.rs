@@ -1,5 +1,6 @@
 //! `nngtl translate`.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::json;
@@ -8,17 +9,18 @@ use super::args::{AutomatonFormat, TranslateArgs};
 use super::console::Console;
 use super::failure::{Failure, JSON_VERSION};
 use crate::alphabet::{Alphabet, MAX_POWERSET};
-use crate::automaton::{Limits, Nba, Task, translate};
+use crate::automaton::{Limits, Nba, Task, TranslateError, translate, translate_on};
 use crate::ltl::{self, ParseOptions, Parsed};
 use crate::scenario::{Overrides, Scenario, snippet};
+use crate::system::MapLayout;
 
 pub(super) fn run(args: &TranslateArgs, console: &Console) -> Result<(), Failure> {
-    let (parsed, alphabet) = match &args.scenario {
-        Some(_) => on_map(args)?,
-        None => alone(&args.formula)?,
+    let limits = Limits::from(&args.limits);
+    let (parsed, nba) = match &args.scenario {
+        Some(path) => on_map(args, path, &limits)?,
+        None => alone(&args.formula, &limits)?,
     };
-    let nba = translate(&parsed.formula, alphabet, &Limits::from(&args.limits))
-        .map_err(|e| Failure::input(e.to_string()))?;
+    let nba = nba.map_err(|e| Failure::input(e.to_string()))?;
     let task = Task::from_trimmed(nba, Some(parsed.formula.clone()));
     let written = show(&task.nba, args.format);
     let text = if console.json() {
@@ -66,8 +68,11 @@ fn parse(text: &str, known: &[String]) -> Result<Parsed, Failure> {
     })
 }
 
+/// A formula, and what became of its translation.
+type Translated = (Parsed, Result<Nba, TranslateError>);
+
 /// Every combination of the formula's propositions is a letter.
-fn alone(text: &str) -> Result<(Parsed, Arc<Alphabet>), Failure> {
+fn alone(text: &str, limits: &Limits) -> Result<Translated, Failure> {
     let parsed = parse(text, &[])?;
     let names: Vec<String> = parsed
         .formula
@@ -82,15 +87,12 @@ fn alone(text: &str) -> Result<(Parsed, Arc<Alphabet>), Failure> {
         )));
     }
     let alphabet = Alphabet::powerset(names).map_err(|e| Failure::input(e.to_string()))?;
-    Ok((parsed, Arc::new(alphabet)))
+    let nba = translate(&parsed.formula, Arc::new(alphabet), limits);
+    Ok((parsed, nba))
 }
 
-/// The letters are those of a map.
-fn on_map(args: &TranslateArgs) -> Result<(Parsed, Arc<Alphabet>), Failure> {
-    let path = args
-        .scenario
-        .as_deref()
-        .unwrap_or_else(|| std::path::Path::new(""));
+/// The automaton that plans on a map are made with, over the letters that occur on it.
+fn on_map(args: &TranslateArgs, path: &Path, limits: &Limits) -> Result<Translated, Failure> {
     // The scenario's own task does not matter here.
     let overrides = Overrides {
         task: Some("true".to_owned()),
@@ -98,5 +100,8 @@ fn on_map(args: &TranslateArgs) -> Result<(Parsed, Arc<Alphabet>), Failure> {
     };
     let scenario = Scenario::load_with(path, args.pick.as_deref(), &overrides)?;
     let alphabet = Arc::clone(scenario.workspace.alphabet());
-    Ok((parse(&args.formula, alphabet.propositions())?, alphabet))
+    let parsed = parse(&args.formula, alphabet.propositions())?;
+    let layout = MapLayout::new(Arc::clone(&scenario.workspace), scenario.start);
+    let nba = translate_on(&parsed.formula, alphabet, limits, &layout);
+    Ok((parsed, nba))
 }

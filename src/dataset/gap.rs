@@ -1,10 +1,13 @@
 //! How far the expert's plans are from the optimum at most, as the manifest tells it.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use super::record::{MapRecord, MissionRecord, point, to_millionth};
 use super::sample::translate;
 use crate::exact::quick_bound;
+use crate::system::MapLayout;
 use crate::workspace::Workspace;
 
 /// How much more than certified lower bounds expert plans cost, as shares of the bounds. A bound takes more than half as long as
@@ -57,9 +60,10 @@ impl Gap {
 }
 
 /// How much more than its lower bound a plan costs, as a share of the bound.
-fn share(mission: &MissionRecord, workspace: &Workspace, weight: f64) -> Option<f64> {
-    let task = translate(&mission.formula.parse().ok()?, workspace).ok()?;
+fn share(mission: &MissionRecord, workspace: &Arc<Workspace>, weight: f64) -> Option<f64> {
     let (start, cost) = (point(mission.start), mission.cost);
+    let places = MapLayout::new(Arc::clone(workspace), start);
+    let task = translate(&mission.formula.parse().ok()?, workspace, &places).ok()?;
     let bound = quick_bound(workspace, start, &task, weight, cost);
     (bound > 0.0).then(|| (cost - bound) / bound)
 }

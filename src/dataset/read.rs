@@ -18,6 +18,7 @@ use super::{GenerateConfig, MANIFEST};
 use crate::automaton::{Task, TaskError};
 use crate::guidance::{Guidance, Heatmap};
 use crate::ltl::{Formula, ParseError};
+use crate::system::MapLayout;
 use crate::workspace::Workspace;
 
 /// Cells per side of the heatmap that labels make, as in training.
@@ -282,7 +283,8 @@ fn map_missions(path: &Path, map: MapRecord) -> Vec<Result<LabelledMission, Read
                 source: Box::new(source),
             })?;
         let begin = Instant::now();
-        let task = translate(&formula, &workspace).map_err(|source| ReadError::Task {
+        let places = MapLayout::new(workspace.clone(), point(record.start));
+        let task = translate(&formula, &workspace, &places).map_err(|source| ReadError::Task {
             path: path.clone(),
             index,
             source: Box::new(source),

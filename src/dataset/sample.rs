@@ -19,7 +19,7 @@ use crate::ltl::Formula;
 use crate::plan::{Path, Waypoint, length};
 use crate::planner::{self, PlanError, Problem, Sampler, Settings, Stop};
 use crate::random::{Random, chance, generator, weighted};
-use crate::system::{Continuous, TransitionSystem, Ways};
+use crate::system::{Continuous, MapLayout, TransitionSystem, Ways};
 use crate::verify::verify;
 use crate::workspace::Workspace;
 
@@ -143,7 +143,7 @@ impl Draw<'_> {
         if order.is_empty() {
             return Err("no region named");
         }
-        let task = self.task(&formula)?;
+        let task = self.task(&formula, start)?;
         let plan = match self.config.expert {
             Expert::Exact => self.plan(start, &task)?,
             Expert::TlRrtStar { iterations } => self.sampled(start, &task, iterations, random)?,
@@ -175,8 +175,9 @@ impl Draw<'_> {
         })
     }
 
-    fn task(&self, formula: &Formula) -> Result<Task, &'static str> {
-        let task = translate(formula, self.workspace).map_err(|error| match error {
+    fn task(&self, formula: &Formula, start: Point2<f64>) -> Result<Task, &'static str> {
+        let places = MapLayout::of(self.system, start);
+        let task = translate(formula, self.workspace, &places).map_err(|error| match error {
             TaskError::Translate(_) => "translation too large",
             _ => "unsatisfiable",
         })?;
@@ -261,11 +262,15 @@ impl Draw<'_> {
 
 /// Translates with limits that are far above what is kept, and without a clock: the data set must
 /// not depend on the machine's speed.
-pub(super) fn translate(formula: &Formula, workspace: &Workspace) -> Result<Task, TaskError> {
+pub(super) fn translate(
+    formula: &Formula,
+    workspace: &Workspace,
+    places: &MapLayout,
+) -> Result<Task, TaskError> {
     let limits = Limits {
         states: 2_000,
         transitions: 50_000,
         time: None,
     };
-    Task::from_formula(formula, workspace.alphabet().clone(), &limits)
+    Task::on_map(formula, workspace.alphabet().clone(), &limits, places)
 }

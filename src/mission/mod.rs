@@ -36,7 +36,7 @@ use crate::nn::{DeviceChoice, LoadError, PredictError};
 use crate::plan::{Cost, First, Path, PlanFile, PlanStats, StageSeconds};
 use crate::planner::{self, GuidanceError, PlanError, Problem, Progress, Settings, Stats, Stop};
 use crate::scenario::Scenario;
-use crate::system::{Continuous, Grid, GridError, Spot, StartError, TransitionSystem};
+use crate::system::{Continuous, Grid, GridError, MapLayout, Spot, StartError, TransitionSystem};
 use crate::verify::{self, Refusal, Verified};
 
 pub use explain::{LetterFact, NotOnThisMap, OutOfReach, Unreachable, Walls};
@@ -170,7 +170,8 @@ pub fn task_within(scenario: &Scenario, limits: &Limits) -> Result<Task, Mission
         return Err(MissionError::Next);
     }
     let letters = Arc::clone(scenario.workspace.alphabet());
-    match Task::from_formula(&scenario.formula, Arc::clone(&letters), limits) {
+    let places = MapLayout::new(Arc::clone(&scenario.workspace), scenario.start);
+    match Task::on_map(&scenario.formula, Arc::clone(&letters), limits, &places) {
         Err(TaskError::NotWithTheseLetters { .. }) => {
             Err(NotOnThisMap::new(&scenario.formula, &letters).into())
         }

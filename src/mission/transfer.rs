@@ -159,7 +159,7 @@ pub fn replan_task(
 ) -> Result<(Planned, Change), MissionError> {
     let began = Instant::now();
     let shared = Arc::new(task);
-    let problem = problem(scenario, Arc::clone(&shared))?;
+    let mut problem = problem(scenario, Arc::clone(&shared))?;
     let (mut repair, change) = match transfer::replan(&problem, plan, &options.settings) {
         Replanned::Unchanged(repair) => (repair, Change::None),
         Replanned::Repaired(repair) => {
@@ -175,12 +175,15 @@ pub fn replan_task(
             return Ok((planned, Change::Anew));
         }
     };
+    problem.task = Arc::clone(&repair.task);
     if change != Change::None {
         (repair.path, repair.cost) = shortened(&problem, options, repair.path, repair.cost);
     }
-    let Repair { path, cost, .. } = repair;
-    let verified = check(scenario, &shared, &path, &cost)?;
-    let mut file = file(scenario, &shared, &path, cost);
+    let Repair {
+        path, cost, task, ..
+    } = repair;
+    let verified = check(scenario, &task, &path, &cost)?;
+    let mut file = file(scenario, &task, &path, cost);
     file.sampler = Some("replan".to_owned());
     file.seed = Some(options.settings.seed);
     file.stats = Some(PlanStats {

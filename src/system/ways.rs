@@ -1,8 +1,13 @@
 //! How far the regions of a map are from each other: what orders of visits are compared by.
 
+use std::cell::OnceCell;
+use std::sync::Arc;
+
 use nalgebra::Point2;
 
-use super::{Landmark, TransitionSystem};
+use super::{Continuous, Landmark, TransitionSystem};
+use crate::automaton::Layout;
+use crate::workspace::Workspace;
 
 /// Lengths of shortest ways among some regions and a start, in map units.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -91,6 +96,57 @@ impl Ways {
     pub fn from(&self, number: usize) -> &[f64] {
         let side = self.regions + 1;
         &self.lengths[number * side..][..side]
+    }
+}
+
+/// A map as tours see it: ways around obstacles between the places that stand for regions, as in [`Ways`]. Nothing is
+/// prepared before the first question, which most formulas never ask.
+#[derive(Debug)]
+pub struct MapLayout {
+    map: Arc<Workspace>,
+    start: Point2<f64>,
+    system: OnceCell<Option<Arc<Continuous>>>,
+}
+
+impl MapLayout {
+    /// The places of a map with the robot at `start`.
+    #[must_use]
+    pub fn new(map: Arc<Workspace>, start: Point2<f64>) -> Self {
+        Self {
+            map,
+            start,
+            system: OnceCell::new(),
+        }
+    }
+
+    /// The same where the map is prepared already.
+    #[must_use]
+    pub fn of(system: &Arc<Continuous>, start: Point2<f64>) -> Self {
+        Self {
+            map: Arc::clone(system.map()),
+            start,
+            system: OnceCell::from(Some(Arc::clone(system))),
+        }
+    }
+}
+
+impl Layout for MapLayout {
+    fn length(&self, from: Option<usize>, to: usize) -> f64 {
+        let system = self.system.get_or_init(|| {
+            Continuous::new(Arc::clone(&self.map), self.start)
+                .ok()
+                .map(Arc::new)
+        });
+        let between = || {
+            let system = system.as_deref()?;
+            let from = match from {
+                Some(region) => largest(system, region)?.at,
+                None => self.start,
+            };
+            let to = largest(system, to)?.at;
+            Some(system.first_leg(from, to, true)?.length)
+        };
+        between().unwrap_or(f64::INFINITY)
     }
 }
 

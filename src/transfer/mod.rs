@@ -10,6 +10,7 @@ mod places;
 mod plan;
 mod replan;
 mod reuse;
+mod rounds;
 mod search;
 mod skill;
 mod subtasks;

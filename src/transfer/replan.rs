@@ -9,6 +9,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::rounds::task_along;
 use crate::automaton::{Distances, Nba, StateId, Task, Transition};
 use crate::plan::{Cost, Path, Waypoint};
 use crate::planner::{Aim, NodeId, Problem, Sampler, Settings, Tree, View};
@@ -25,7 +26,7 @@ const ATTEMPTS: usize = 4;
 const TURNS: usize = 32;
 
 /// What became of a plan in a changed environment.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub enum Replanned {
     /// Nothing is in its way.
     Unchanged(Repair),
@@ -36,12 +37,15 @@ pub enum Replanned {
 }
 
 /// A plan that holds in the changed environment as far as its moves and its automaton run go.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Repair {
     /// The plan.
     pub path: Path,
     /// Its cost.
     pub cost: Cost,
+    /// The task that its automaton states belong to: the problem's, or one of the same formula whose patrols are in the
+    /// order in which the plan makes its round.
+    pub task: Arc<Task>,
     /// Segments that were replaced.
     pub segments: usize,
     /// Samples that were drawn for them.
@@ -51,10 +55,16 @@ pub struct Repair {
 }
 
 /// Repairs a plan of this mission for this environment. The plan's automaton states are used if they
-/// are a run of the mission's automaton, and are found again if not.
+/// are a run of the mission's automaton, and are found again if not; where only a patrol's order stands in the
+/// way, the mission is translated again, in the plan's.
 #[must_use]
 pub fn replan(problem: &Problem, plan: &Path, settings: &Settings) -> Replanned {
     let began = Instant::now();
+    let other = task_along(problem, plan).map(|task| Problem {
+        task,
+        ..problem.clone()
+    });
+    let problem = other.as_ref().unwrap_or(problem);
     let mut repairer = Repairer {
         problem,
         settings,
@@ -74,6 +84,7 @@ pub fn replan(problem: &Problem, plan: &Path, settings: &Settings) -> Replanned 
     let repair = Repair {
         path,
         cost,
+        task: Arc::clone(&problem.task),
         segments: repairer.segments,
         samples: repairer.samples,
         seconds: began.elapsed().as_secs_f64(),
@@ -334,6 +345,11 @@ impl SubAutomaton {
         path.push(*to);
         path
     }
+}
+
+/// Whether the mission's automaton has an accepting run along a plan, one round for each of the plan's.
+pub(super) fn has_run(problem: &Problem, plan: &Path) -> bool {
+    with_states(problem, plan).is_some()
 }
 
 /// The plan with automaton states that are an accepting run: those it has if they are, else others, if

@@ -15,6 +15,8 @@ pub(in crate::automaton) struct Lowered {
     pub(in crate::automaton) formula: Id,
     /// For each letter of the alphabet its class.
     classes: Vec<usize>,
+    /// For each class which of the formula's propositions hold.
+    pub(in crate::automaton) seen: Vec<Props>,
 }
 
 impl Lowered {
@@ -54,6 +56,7 @@ impl Lowered {
             arena: lowering.arena,
             formula,
             classes,
+            seen: lowering.valuations,
         })
     }
 

@@ -14,7 +14,7 @@ use crate::mission::{self, Question};
 use crate::nn::Predictor;
 use crate::planner::{Problem, Settings, Stop};
 use crate::random::generator;
-use crate::system::{Continuous, TransitionSystem};
+use crate::system::{Continuous, MapLayout, TransitionSystem};
 
 /// Predictions of each mission; the median counts.
 const PREDICTIONS: usize = 5;
@@ -73,14 +73,15 @@ pub fn generated_cases(seed: u64, count: usize, predictor: &mut Predictor) -> Ve
         }
         let mut random = generator(seed, index);
         let map = draw_map(FAMILIES[index as usize % 3], &mut random);
-        let Ok(workspace) = map.workspace() else {
+        let Ok(workspace) = map.workspace().map(Arc::new) else {
             continue;
         };
         let start = draw_start(&workspace, &mut random);
         let (_, formula) = draw_pattern(map.regions.len(), &mut random);
-        let task = Task::from_formula(&formula, workspace.alphabet().clone(), &Limits::default());
+        let places = MapLayout::new(Arc::clone(&workspace), start);
+        let letters = workspace.alphabet().clone();
+        let task = Task::on_map(&formula, letters, &Limits::default(), &places);
         let Ok(task) = task else { continue };
-        let workspace = Arc::new(workspace);
         let Ok(system) = Continuous::new(Arc::clone(&workspace), start) else {
             continue;
         };

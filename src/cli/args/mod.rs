@@ -287,7 +287,8 @@ pub(super) struct VerifyArgs {
 /// Translate a formula to a Büchi automaton
 ///
 /// Without a map, the letters are all combinations of the formula's propositions; with one, only
-/// those that occur on it.
+/// those that occur on it, and what a patrol visits is waited for in the order of a short tour: this
+/// is the automaton whose states plans on that map name.
 #[derive(Args, Debug)]
 #[command(
     after_help = "Examples:\n  nngtl translate '[]<> a && (!a U b)'\n  nngtl translate 'G(load -> F unload)' --format dot | dot -Tsvg > automaton.svg"
@@ -299,7 +300,7 @@ pub(super) struct TranslateArgs {
     /// How to print the automaton
     #[arg(long, value_enum, default_value_t, value_name = "NAME")]
     pub(super) format: AutomatonFormat,
-    /// Use the letters of this scenario's map
+    /// Use the letters of this scenario's map, and the tours of its patrols
     #[arg(long, value_name = "FILE")]
     pub(super) scenario: Option<PathBuf>,
     /// Which scenario of a .jsonl file: its name, or the number of its line

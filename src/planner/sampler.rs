@@ -177,6 +177,15 @@ impl View<'_> {
         }
     }
 
+    /// The probability of a rule whose share is that, 0 where it is not wanted: 1 as long as the tree follows the rules alone.
+    fn share(&self, share: f64) -> f64 {
+        if share > 0.0 && self.tree.leads().borrow().is_alone() {
+            1.0
+        } else {
+            share
+        }
+    }
+
     /// Whether some way is known, and cheaper ones are looked for.
     fn is_improving(&self) -> bool {
         match self.aim {

@@ -162,7 +162,7 @@ fn closest_node(
             candidates.extend(wanted.map(|l| l.1));
             !candidates.is_empty()
         };
-        let _ = take(chance(random, view.settings.p_closest)) || take(true);
+        let _ = take(chance(random, view.share(view.settings.p_closest))) || take(true);
         draw_node(view, &candidates, preference, random)
     });
     let mut kept = view.tree.leads().borrow_mut();

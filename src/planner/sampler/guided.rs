@@ -38,6 +38,9 @@ const SIDE: usize = 200;
 /// Draws a point as the networks predict; without predictions, as the rules alone have it.
 pub(super) fn draw(guide: Option<&Guide>, view: &View<'_>, random: &mut Random) -> Option<Draw> {
     let settings = view.settings;
+    if settings.lead > 0.0 {
+        view.tree.leads().borrow_mut().count();
+    }
     let preference = guide.map_or(Preference::default(), |g| preference(g, view));
     let Destination {
         mut closest,
@@ -46,21 +49,21 @@ pub(super) fn draw(guide: Option<&Guide>, view: &View<'_>, random: &mut Random) 
     let Some(target) = target else {
         return Some(uniform(view, random));
     };
-    if target.fixed && chance(random, settings.lead) {
+    if target.fixed && chance(random, view.share(settings.lead)) {
         closest = super::leads::choose(view, closest, target);
     }
     let corner = (settings.p_region > 0.0)
         .then(|| super::entrance::corner(view, target, random))
         .flatten();
     let target = corner.unwrap_or(target);
-    if !chance(random, settings.y_rand) {
+    if !chance(random, view.share(settings.y_rand)) {
         return Some(Draw {
             closest: Some(closest),
             ..uniform(view, random)
         });
     }
     // The original strategy keeps its share here too: a rectangle can miss every way around a wall.
-    if !chance(random, settings.alpha) {
+    if !chance(random, view.share(settings.alpha)) {
         return super::biased::towards(view, closest, target, random);
     }
     let from = view.tree.spot(closest);
@@ -84,7 +87,7 @@ pub(super) fn draw(guide: Option<&Guide>, view: &View<'_>, random: &mut Random) 
 
 /// C-1, and unless the paper's rule is asked for: no state is ruled out, and the search for better plans trusts the prediction less.
 fn preference<'a>(guide: &'a Guide, view: &View<'_>) -> Preference<'a> {
-    let (alpha, ours) = (view.settings.alpha, view.settings.lead > 0.0);
+    let (alpha, ours) = (view.share(view.settings.alpha), view.settings.lead > 0.0);
     let improving = ours && view.is_improving();
     Preference {
         predicted: Some(guide.states.as_slice()),
@@ -120,7 +123,7 @@ fn aim(view: &View<'_>, from: Spot, target: Target, random: &mut Random) -> Opti
     let next = leg?.to;
     let margin = settings.corner * view.system.bounds().side();
     if let Some(part) = super::passage::stopover(view, &from, next)
-        && chance(random, settings.p_region)
+        && chance(random, view.share(settings.p_region))
     {
         return Some(Area::Along(part));
     }
@@ -132,7 +135,7 @@ fn aim(view: &View<'_>, from: Spot, target: Target, random: &mut Random) -> Opti
         });
     }
     if let Some(letter) = target.letter
-        && chance(random, settings.p_region)
+        && chance(random, view.share(settings.p_region))
     {
         return Some(Area::Region(letter));
     }

@@ -64,6 +64,8 @@ impl Weights {
 /// What samplers remember of a tree.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Leads {
+    /// How many samples were drawn by the rules, the present one counted.
+    samples: u64,
     /// The nodes that were looked at, by automaton state, step, target, and whether the way to the node counts.
     queues: FxHashMap<(StateId, Step, [u64; 2], bool), Queue>,
     pub(super) passages: Passages,
@@ -75,7 +77,21 @@ pub(crate) struct Leads {
     pub(super) candidates: Vec<StateId>,
 }
 
+/// The first samples of a tree follow the rules alone. Most first plans take fewer; where the rules fail, the original
+/// strategies get their shares from then on, so that the search is as complete as before.
+const ALONE: u64 = 32;
+
 impl Leads {
+    /// Counts a sample that the rules draw.
+    pub(super) fn count(&mut self) {
+        self.samples += 1;
+    }
+
+    /// Whether the present sample is drawn by the rules alone.
+    pub(super) fn is_alone(&self) -> bool {
+        (1..=ALONE).contains(&self.samples)
+    }
+
     /// What closes a cycle through the root of this tree.
     pub(super) fn closing(&mut self, view: &View<'_>, root: StateId) -> Option<Arc<Closing>> {
         let found = self.closing.get_or_insert_with(|| {

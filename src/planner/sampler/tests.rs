@@ -137,6 +137,32 @@ fn a_target_in_sight_is_drawn_from_its_region() {
 }
 
 #[test]
+fn a_tree_begins_with_the_rules_alone() {
+    let world = world(Vec::new());
+    let seldom = |settings: Settings| Settings {
+        y_rand: 0.1,
+        alpha: 0.1,
+        ..settings
+    };
+    let hits = |settings: Settings, sampler: &Sampler| {
+        let found = draws(&world, &seldom(settings), sampler, &[]);
+        let (first, later) = found.split_at(32);
+        [first, later].map(|part| share(part, |d| within(d.0, p(0.85, 0.15), 0.05)))
+    };
+    let ours = Settings::default();
+    let [first, later] = hits(ours.clone(), &Sampler::Directed);
+    assert_eq!(first, 1.0, "of the first points");
+    assert!(later < 0.1, "{later} of the others");
+    for (settings, sampler) in [
+        (ours.paper_rule(), Sampler::Directed),
+        (Settings::default(), Sampler::Biased),
+    ] {
+        let [first, _] = hits(settings, &sampler);
+        assert!(first < 0.5, "{first} by {}", sampler.name());
+    }
+}
+
+#[test]
 fn a_hidden_target_is_drawn_around_the_corner() {
     let world = world(a_wall());
     let settings = mostly_directed();

@@ -3,6 +3,7 @@
 //! Formula → generalised automaton → degeneralised → reduced, knowing which letters occur; then
 //! a [`Task`] adds what planning asks for: feasible accepting states and the distance ρ.
 
+mod approach;
 mod bits;
 mod buchi;
 mod copies;

@@ -27,7 +27,7 @@ const EXACT: usize = 9;
 /// wait for, is nearest to the start.
 ///
 /// `seen` tells for each letter class of the graph's guards what holds.
-pub(super) fn orders(graph: &Graph, seen: &[Props], layout: &dyn Layout) -> Vec<Vec<u32>> {
+pub(super) fn orders(graph: &Graph, seen: &[Props], layout: &dyn Layout) -> Vec<Round> {
     if (graph.marks as usize) < PLACES {
         return Vec::new();
     }
@@ -62,25 +62,49 @@ pub(super) fn orders(graph: &Graph, seen: &[Props], layout: &dyn Layout) -> Vec<
         let lengths = at(i).iter().map(|p| layout.length(None, p));
         finite(lengths.fold(f64::INFINITY, f64::min))
     };
-    let mut tour = if n <= EXACT {
+    let tour = if n <= EXACT {
         shortest(&lengths)
     } else {
         improved(&lengths)
     };
     let by_start = |&i: &usize| from_start(tour[i]);
     let first = (0..n).min_by(|i, j| by_start(i).total_cmp(&by_start(j)));
+    let mut tour = tour.clone();
     tour.rotate_left((first.unwrap_or(0) + 1) % n);
     let mut reverse = tour.clone();
     reverse[..n - 1].reverse();
-    // Whoever enters the round on its way to the last place comes from the side of the one before.
-    if from_start(reverse[n - 2]) < from_start(tour[n - 2]) {
-        std::mem::swap(&mut tour, &mut reverse);
-    }
-    let marks = |tour: Vec<usize>| {
-        let tour = tour.into_iter().map(|i| placed[i]);
-        free.iter().copied().chain(tour).collect()
+    let length = |tour: &[usize]| -> f64 {
+        let next = |i: usize| tour[(i + 1) % n];
+        (0..n).map(|i| lengths[tour[i]][next(i)]).sum()
     };
-    vec![marks(tour), marks(reverse)]
+    // Of ways that are longer in one direction the tour is what it is.
+    let both = length(&reverse) <= length(&tour) * (1.0 + 1e-6);
+    let mut tours = vec![tour, reverse];
+    tours.truncate(1 + usize::from(both));
+    // Whoever enters the round on its way to the last place comes from the side of the one before.
+    tours.sort_by(|a, b| from_start(a[n - 2]).total_cmp(&from_start(b[n - 2])));
+    let round = |tour: Vec<usize>| Round {
+        stops: tour.iter().filter_map(|&i| stop(at(i), seen)).collect(),
+        marks: free
+            .iter()
+            .copied()
+            .chain(tour.iter().map(|&i| placed[i]))
+            .collect(),
+    };
+    tours.into_iter().map(round).collect()
+}
+
+/// A way around: an order of all marks, and the letter classes of the places that are visited for them.
+pub(super) struct Round {
+    pub(super) marks: Vec<u32>,
+    pub(super) stops: Vec<usize>,
+}
+
+/// The letter class with the fewest other propositions beside the first one of a place.
+fn stop(place: Props, seen: &[Props]) -> Option<usize> {
+    let wanted = place.iter().next()?;
+    let there = (0..seen.len()).filter(|&c| seen[c].contains(wanted));
+    there.min_by_key(|&c| seen[c].len())
 }
 
 /// Longer than any way, and still no overflow in sums.

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::approach::Approach;
 use super::buchi::Buchi;
 use super::degeneralize::degeneralize;
 use super::graph::Graph;
 use super::limits::{Limits, Watch};
 use super::normal::Lowered;
-use super::tour::{self, Layout};
+use super::tour::{self, Layout, Round};
 use super::{Nba, StateId, Transition, obligation, shrink, simulation, subset, tableau};
 use crate::alphabet::{Alphabet, MAX_POWERSET, Props};
 use crate::ltl::{Formula, MAX_DEPTH};
@@ -178,12 +179,15 @@ fn small(
     watch: &Watch<'_>,
 ) -> Result<Buchi, TranslateError> {
     let seen = lowered.seen.clone();
-    let orders = |graph: &Graph| layout.map_or_else(Vec::new, |l| tour::orders(graph, &seen, l));
     let letters = lowered.arena.letters();
     let mut graph = tableau::build(&mut lowered.arena, lowered.formula, watch)?;
     reduce(&mut graph);
     watch.tick()?;
-    let mut candidates = vec![accepting_states(&graph, orders(&graph), watch)?];
+    let degeneralized = |graph: &Graph| match layout {
+        Some(layout) => on_tour(graph, &seen, layout, watch),
+        None => accepting_states(graph, watch),
+    };
+    let mut candidates = vec![degeneralized(&graph)?];
     if candidates[0].len() < 2 {
         return Ok(candidates.swap_remove(0));
     }
@@ -191,7 +195,7 @@ fn small(
     if let Some(mut fewer) = subset::postpone(&graph, letters, sets) {
         reduce(&mut fewer);
         watch.tick()?;
-        candidates.push(accepting_states(&fewer, orders(&fewer), watch)?);
+        candidates.push(degeneralized(&fewer)?);
     }
     let negation = negation(lowered, watch)?;
     if let Some(negation) = &negation {
@@ -225,42 +229,67 @@ fn negation(lowered: &mut Lowered, watch: &Watch<'_>) -> Result<Option<Graph>, T
     Ok(Some(graph))
 }
 
-/// The smallest automaton with accepting states over the orders in which marks can be waited for (all that are
-/// worth trying, if none are given), and whether the first round waits for all of them.
-fn accepting_states(
+/// The automaton with accepting states whose round is that of a short tour, in the direction that begins sooner; without one the
+/// smallest.
+fn on_tour(
     graph: &Graph,
-    mut orders: Vec<Vec<u32>>,
+    seen: &[Props],
+    layout: &dyn Layout,
     watch: &Watch<'_>,
 ) -> Result<Buchi, TranslateError> {
-    if orders.is_empty() {
-        let order: Vec<u32> = (0..graph.marks).collect();
-        match order[..] {
-            [] | [_] => {}
-            [a, b] => orders.push(vec![b, a]),
-            [a, b, c] => orders.extend([
-                vec![a, c, b],
-                vec![b, a, c],
-                vec![b, c, a],
-                vec![c, a, b],
-                vec![c, b, a],
-            ]),
-            _ => orders.push(order.iter().rev().copied().collect()),
+    let mut best: Option<(f64, Buchi)> = None;
+    for Round { marks, stops } in tour::orders(graph, seen, layout) {
+        let buchi = in_order(graph, &marks, watch)?;
+        let way = Approach::new(&buchi, seen, layout).length(&stops);
+        if best.as_ref().is_none_or(|b| way < b.0) {
+            best = Some((way, buchi));
         }
-        orders.insert(0, order);
+    }
+    match best {
+        Some((_, buchi)) => Ok(buchi),
+        None => accepting_states(graph, watch),
+    }
+}
+
+/// The smallest automaton with accepting states over the orders in which marks can be waited for.
+fn accepting_states(graph: &Graph, watch: &Watch<'_>) -> Result<Buchi, TranslateError> {
+    let order: Vec<u32> = (0..graph.marks).collect();
+    let mut orders = vec![order.clone()];
+    match order[..] {
+        [] | [_] => {}
+        [a, b] => orders.push(vec![b, a]),
+        [a, b, c] => orders.extend([
+            vec![a, c, b],
+            vec![b, a, c],
+            vec![b, c, a],
+            vec![c, a, b],
+            vec![c, b, a],
+        ]),
+        _ => orders.push(order.iter().rev().copied().collect()),
     }
     let mut best: Option<Buchi> = None;
     for order in orders {
-        let last = (order.len() as u32).saturating_sub(1);
-        for skipped in [last, 0].into_iter().take(1 + usize::from(last > 0)) {
-            let mut buchi = degeneralize(graph, &order, skipped, watch)?;
-            buchi.reduce();
-            watch.tick()?;
-            if best.as_ref().is_none_or(|b| buchi.rank() < b.rank()) {
-                best = Some(buchi);
-            }
+        let buchi = in_order(graph, &order, watch)?;
+        if best.as_ref().is_none_or(|b| buchi.rank() < b.rank()) {
+            best = Some(buchi);
         }
     }
     Ok(best.expect("there is at least one order"))
+}
+
+/// The smaller of two automata that wait for the marks in an order: in the first round for the last one alone, or for all.
+fn in_order(graph: &Graph, order: &[u32], watch: &Watch<'_>) -> Result<Buchi, TranslateError> {
+    let last = (order.len() as u32).saturating_sub(1);
+    let mut best: Option<Buchi> = None;
+    for skipped in [last, 0].into_iter().take(1 + usize::from(last > 0)) {
+        let mut buchi = degeneralize(graph, order, skipped, watch)?;
+        buchi.reduce();
+        watch.tick()?;
+        if best.as_ref().is_none_or(|b| buchi.rank() < b.rank()) {
+            best = Some(buchi);
+        }
+    }
+    Ok(best.expect("there is at least one way to begin"))
 }
 
 fn reduce(graph: &mut Graph) {

@@ -190,3 +190,74 @@ fn an_interrupt_gives_the_best_plan_so_far() {
         "{out}{err}"
     );
 }
+
+#[test]
+fn points_have_two_coordinates_in_every_format() {
+    let folder = folder();
+    let text = |start: &str, vertex: &str, bounds: &str| {
+        format!(
+            "start = {start}\ntask = \"<> a\"\n[workspace]\nbounds = {bounds}\n[workspace.regions]\na = [{vertex}, [0.9, 0.1], [0.9, 0.9]]\n"
+        )
+    };
+    let json = |start: &str, vertex: &str, bounds: &str| {
+        format!(
+            r#"{{"start": {start}, "task": "<> a", "workspace": {{"bounds": {bounds}, "regions": {{"a": [{vertex}, [0.9, 0.1], [0.9, 0.9]]}}}}}}"#
+        )
+    };
+    let (point, square) = ("[0.5, 0.2]", "[[0, 0], [1, 1]]");
+    let good = [point, point, square];
+    let worse = [
+        ["[0.5, 0.2, 1.57]", point, square],
+        ["[0.5]", point, square],
+        [point, "[0.5, 0.2, 0.0]", square],
+        [point, point, "[[0, 0], [1, 1], [2, 2]]"],
+        [point, point, "[[0, 0, 0], [1, 1, 1]]"],
+    ];
+    for (ending, write) in [
+        ("toml", &text as &dyn Fn(&str, &str, &str) -> String),
+        ("json", &json),
+    ] {
+        let path = folder.path().join(format!("points.{ending}"));
+        let plan = |[start, vertex, bounds]: [&str; 3]| {
+            std::fs::write(&path, write(start, vertex, bounds)).unwrap();
+            nngtl(&["plan", &path.display().to_string(), "--first"])
+        };
+        assert_eq!(plan(good).code, 0, "{ending}");
+        for wrong in worse {
+            let run = plan(wrong);
+            assert_eq!(run.code, 2, "{ending} {wrong:?}: {run:?}");
+            let says = ["a point [x, y] has two", "bounds have two"];
+            assert!(says.iter().any(|s| run.err.contains(s)), "{run:?}");
+        }
+    }
+}
+
+#[test]
+fn two_results_are_not_written_to_one_file() {
+    let folder = folder();
+    let file = folder.path().join("a.png").display().to_string();
+    let scenario = shipped("case-study.toml");
+    let run = nngtl(&["plan", &scenario, "--first", "--svg", &file, "--png", &file]);
+    assert_eq!(run.code, 2, "{run:?}");
+    assert!(run.err.contains("two results"), "{run:?}");
+    assert!(!folder.path().join("a.png").exists());
+}
+
+#[test]
+fn comparisons_without_missions_say_why() {
+    let scenario = shipped("case-study.toml");
+    for (arguments, why) in [
+        (vec!["bench", "nothere"], "no such scenario file or folder"),
+        (
+            vec!["bench", &scenario, "--samplers", "oracle"],
+            "needs the labels of a data set",
+        ),
+    ] {
+        let run = nngtl(&arguments);
+        assert_eq!(run.code, 2, "{run:?}");
+        assert!(run.err.contains(why), "{run:?}");
+    }
+    let none = shipped("infeasible.toml");
+    let run = nngtl(&["bench", &none, "--gaps", "--iterations", "10"]);
+    assert!(!run.out.contains("NaN"), "{run:?}");
+}

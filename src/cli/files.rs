@@ -1,5 +1,6 @@
 //! Reading missions and writing files.
 
+use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -69,9 +70,17 @@ pub(super) fn heatmap_format(path: &Path) -> Result<HeatmapFormat, Failure> {
     }
 }
 
-/// Refuses outputs that cannot be written, before any work is done.
+/// Refuses outputs that cannot be written, before any work is done, and two of them to one file.
 pub(super) fn check_folders<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Result<(), Failure> {
+    let mut seen = HashSet::new();
     for path in paths {
+        let device = std::fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir());
+        if !device && !seen.insert(path) {
+            return Err(Failure::input(format!(
+                "{}: two results would be written to this file: give each its own",
+                path.display()
+            )));
+        }
         let cannot = |why: &str| Failure::input(format!("{}: cannot write: {why}", path.display()));
         match std::fs::metadata(path) {
             Ok(there) if there.is_dir() => return Err(cannot("it is a folder")),

@@ -40,6 +40,7 @@
 
 mod error;
 mod locate;
+mod pair;
 mod read;
 mod resolve;
 pub(crate) mod snippet;

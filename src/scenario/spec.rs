@@ -6,6 +6,7 @@ use serde::de::{Error as _, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use super::pair::{self, Vertices};
 use crate::maps::{MapOptions, Units};
 
 /// The weight λ of a scenario that names none (the published TL-RRT* planner's).
@@ -22,6 +23,7 @@ pub struct ScenarioSpec {
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub name: String,
     /// Where the robot stands at first, in map units.
+    #[serde(deserialize_with = "pair::one")]
     pub start: [f64; 2],
     /// The mission, as an LTL formula over the names of the regions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -40,6 +42,7 @@ pub struct ScenarioSpec {
 pub(super) struct ScenarioFile {
     #[serde(default)]
     pub(super) name: String,
+    #[serde(default, deserialize_with = "pair::maybe")]
     pub(super) start: Option<[f64; 2]>,
     pub(super) task: Option<String>,
     #[serde(default = "default_weight")]
@@ -54,8 +57,9 @@ pub(super) struct ScenarioFile {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WorkspaceFile {
+    #[serde(default, deserialize_with = "pair::maybe_corners")]
     pub(super) bounds: Option<[[f64; 2]; 2]>,
-    #[serde(default)]
+    #[serde(default, deserialize_with = "pair::polygons")]
     pub(super) obstacles: Vec<Vec<[f64; 2]>>,
     #[serde(default)]
     pub(super) regions: RegionSpecs,
@@ -73,6 +77,7 @@ pub(super) struct MapSpec {
     water: Option<Ground>,
     cell: Option<f64>,
     units: Option<Units>,
+    #[serde(default, deserialize_with = "pair::maybe")]
     reference: Option<[f64; 2]>,
 }
 
@@ -104,9 +109,10 @@ impl MapSpec {
 #[serde(deny_unknown_fields)]
 pub struct WorkspaceSpec {
     /// Lower-left and upper-right corner, in map units.
+    #[serde(deserialize_with = "pair::corners")]
     pub bounds: [[f64; 2]; 2],
     /// Simple polygons that the robot must not enter; they may overlap.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "pair::polygons")]
     pub obstacles: Vec<Vec<[f64; 2]>>,
     /// The labelled regions, in file order; they may overlap.
     #[serde(default)]
@@ -169,7 +175,7 @@ impl<'de> Visitor<'de> for RegionsVisitor {
                     "region `{name}` is there twice: give each region a name of its own"
                 )));
             }
-            regions.push((name, map.next_value()?));
+            regions.push((name, map.next_value::<Vertices>()?.0));
         }
         Ok(RegionSpecs(regions))
     }

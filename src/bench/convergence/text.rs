@@ -21,6 +21,9 @@ impl Convergence {
     #[must_use]
     pub fn to_markdown(&self) -> String {
         let all = &self.references;
+        if all.is_empty() {
+            return "No mission was searched that the exact planner solves: there is nothing to compare.\n".to_owned();
+        }
         let of = |value: fn(&Reference) -> f64| all.iter().map(value).collect::<Vec<f64>>();
         let gaps = |lower: fn(&Reference) -> Option<f64>| {
             let gaps: Vec<f64> = all

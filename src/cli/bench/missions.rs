@@ -130,6 +130,10 @@ fn read_all(
 fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Failure> {
     let mut found = Vec::new();
     let skip = |why: String| console.warn(&format!("{}: left out: {why}", path.display()));
+    if !path.exists() {
+        let what = "there is no such scenario file or folder of a data set";
+        return Err(Failure::input(format!("{}: {what}", path.display())));
+    }
     if path.is_dir() {
         let missions =
             dataset::labelled_missions(path).map_err(|e| Failure::input(e.to_string()))?;

@@ -43,6 +43,11 @@ pub(super) fn run(args: &BenchArgs, console: &Console) -> Result<(), Failure> {
     if cases.is_empty() && !stop.is_raised() {
         return Err(Failure::input("there is no mission to compare samplers on"));
     }
+    if args.samplers.contains(&StrategyName::Oracle) && !cases.iter().any(|c| c.labels.is_some()) {
+        return Err(Failure::input(
+            "the sampler `oracle` needs the labels of a data set (`nngtl dataset generate`): leave it out, or name such a folder",
+        ));
+    }
     match folder {
         Some(folder) => {
             let devices = predictors.iter().map(|p| p.device().to_owned()).collect();

@@ -19,7 +19,7 @@ pub trait Layout {
 /// The fewest places among which the order makes a difference: three are visited in one order or its reverse.
 const PLACES: usize = 4;
 
-/// Tours of up to so many places are the shortest; longer ones only cannot be improved by a reversal or by moving a place.
+/// Tours of up to so many places are the shortest; longer ones cannot be made shorter by reversing a part of them.
 const EXACT: usize = 9;
 
 /// The orders of all marks that are worth trying, the better one first: the shortest tour of the component with the most marks,
@@ -62,14 +62,13 @@ pub(super) fn orders(graph: &Graph, seen: &[Props], layout: &dyn Layout) -> Vec<
         let lengths = at(i).iter().map(|p| layout.length(None, p));
         finite(lengths.fold(f64::INFINITY, f64::min))
     };
-    let tour = if n <= EXACT {
+    let mut tour = if n <= EXACT {
         shortest(&lengths)
     } else {
         improved(&lengths)
     };
     let by_start = |&i: &usize| from_start(tour[i]);
     let first = (0..n).min_by(|i, j| by_start(i).total_cmp(&by_start(j)));
-    let mut tour = tour.clone();
     tour.rotate_left((first.unwrap_or(0) + 1) % n);
     let mut reverse = tour.clone();
     reverse[..n - 1].reverse();

@@ -202,10 +202,10 @@ pub(super) struct SearchArgs {
     /// Longest new edge, relative to the map's side [default: as drawn]
     #[arg(long, value_name = "R")]
     pub(super) range: Option<f64>,
-    /// Probability to extend from the nodes closest to acceptance
+    /// Probability to extend from the nodes closest to acceptance [directed, guided: from a tree's 33rd sample on]
     #[arg(long, value_name = "P", default_value_t = Settings::default().p_closest)]
     pub(super) p_closest: f64,
-    /// Probability to draw towards the target instead of uniformly
+    /// Probability to draw towards the target instead of uniformly [directed, guided: from a tree's 33rd sample on]
     #[arg(long, value_name = "P", default_value_t = Settings::default().y_rand)]
     pub(super) y_rand: f64,
     /// Probability to draw on the shortest way: from the target's region in sight, else the next bend
@@ -217,7 +217,7 @@ pub(super) struct SearchArgs {
     /// Standard deviation of the drawn angle, in radians
     #[arg(long, value_name = "RAD", default_value_t = Settings::default().angle_deviation)]
     pub(super) angle_deviation: f64,
-    /// Probability that a choice follows the predicted states
+    /// Probability that a choice follows the predicted states [from a tree's 33rd sample on]
     #[arg(long, value_name = "P", default_value_t = Settings::default().alpha)]
     pub(super) alpha: f64,
     #[command(flatten)]

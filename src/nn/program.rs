@@ -11,6 +11,7 @@
 //! exception of [`Op::Broadcast`] that adds.
 
 mod op;
+mod prune;
 mod views;
 
 use std::sync::Arc;

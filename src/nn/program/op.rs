@@ -258,6 +258,28 @@ impl Op {
         }
     }
 
+    /// The constants that are read.
+    #[must_use]
+    pub fn constants(&self) -> Vec<ConstantId> {
+        match *self {
+            Self::Conv2d { weight, bias, .. }
+            | Self::ConvTranspose2d { weight, bias, .. }
+            | Self::Linear { weight, bias, .. } => vec![weight, bias],
+            Self::Gat { attention, .. } => vec![attention],
+            Self::MaxPool2d { .. }
+            | Self::GlobalMeanPool { .. }
+            | Self::MeanRows { .. }
+            | Self::RegionMean { .. }
+            | Self::SignMean { .. }
+            | Self::RegionForm { .. }
+            | Self::Paint { .. }
+            | Self::Upsample { .. }
+            | Self::Broadcast { .. }
+            | Self::RepeatRow { .. }
+            | Self::CopyRows { .. } => Vec::new(),
+        }
+    }
+
     /// Multiplications with an addition (only those that grow with the product of two sizes).
     #[must_use]
     pub fn multiply_adds(&self, size: GraphSize) -> u64 {

@@ -63,6 +63,7 @@ impl<'a> TensorSource<'a> {
         let mut program = Program::default();
         let built = build(&mut new(true), &mut program);
         program.check();
+        program.prune();
         Ok((program, built))
     }
 

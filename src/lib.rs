@@ -12,6 +12,7 @@ pub mod ltl;
 pub mod maps;
 pub mod mission;
 pub mod nn;
+mod number;
 pub mod plan;
 pub mod planner;
 mod queue;

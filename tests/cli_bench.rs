@@ -114,6 +114,12 @@ fn two_reports_differ_in_times_alone() {
     let other = drawn(&["--out", &one.display().to_string(), "--seed", "9"]);
     assert_eq!(other.code, 2);
     assert!(other.err.contains("other settings"), "{other:?}");
+    for says in [
+        "settings.seed 0, now 9;",
+        "contenders biased,directed, now uniform,biased,",
+    ] {
+        assert_eq!(other.err.matches(says).count(), 1, "{other:?}");
+    }
 }
 
 /// The gaps alone make a report as a whole comparison does, and go on as it does.
@@ -177,6 +183,17 @@ fn gaps_fill_a_folder_of_their_own() {
     // A whole comparison is another one.
     let whole = drawn(&["--out", &out, "--samplers", "biased,directed"]);
     assert_eq!(whole.code, 2, "{whole:?}");
+    let says = "trials 0, now 2";
+    assert!(whole.err.contains(says), "{whole:?}");
+    // Fewer missions make a smaller report, which says so, and the rest is kept.
+    let fewer = gaps("1", &[]);
+    assert!(fewer.err.contains("2 more, measured before"), "{fewer:?}");
+    assert_eq!(read("missions.jsonl").lines().count(), 1 + 3);
+    // A report of something else is not written over.
+    std::fs::remove_file(folder.path().join("missions.jsonl")).unwrap();
+    let foreign = gaps("1", &[]);
+    assert_eq!(foreign.code, 2, "{foreign:?}");
+    assert!(foreign.err.contains("report.md"), "{foreign:?}");
 }
 
 /// Ctrl-C writes the report of what is done, and the same command goes on from there.
@@ -252,6 +269,8 @@ fn arguments_that_make_no_sense_are_refused() {
             "cannot be used with",
         ),
         (&["bench", "--trials", "0"], "0 is not in"),
+        (&["bench", "--missions", "0"], "0 is not in"),
+        (&["bench", "--gaps", "--trials", "3"], "cannot be used with"),
     ] {
         let run = nngtl(arguments);
         assert_eq!(run.code, 2, "{run:?}");

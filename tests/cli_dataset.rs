@@ -24,7 +24,7 @@ fn a_set_is_extended_by_whole_maps_and_says_which_settings_differ() {
     let told = generate(&out, &["--missions", "18"]).out;
     assert!(told.contains("% at worst (3 missions looked at)"), "{told}");
     for (arguments, says) in [
-        (&["--missions", "10"][..], "(maps 0 to 3, now 0 to 2)"),
+        (&["--missions", "10"][..], "(missions 18, now 12)"),
         (&["--missions", "18", "--seed", "4"], "(seed 0, now 4)"),
         (
             &["--missions", "18", "--families", "mazes=2,paper"],
@@ -48,6 +48,8 @@ fn help_and_refusal_tell_how_small_sets_and_parts_may_be() {
     ] {
         assert!(help.contains(words), "{words}: {help}");
     }
+    let none = nngtl(&["dataset", "generate", "--out", "x", "--missions", "0"]);
+    assert!(none.err.contains("0 is not in"), "{none:?}");
     let folder = folder();
     let out = folder.path().join("part").display().to_string();
     let run = generate(&out, &["--missions", "1201", "--part", "1/4"]);

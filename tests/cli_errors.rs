@@ -66,9 +66,45 @@ fn what_cannot_be_understood_is_usage_and_ends_with_2() {
 #[test]
 fn input_that_is_out_of_range_ends_with_2() {
     let scenario = shipped("case-study.toml");
-    let cases: [(&[&str], &str); 8] = [
+    let many = shipped("transfer-grid.jsonl");
+    let cases: [(&[&str], &str); 16] = [
         (&["plan", "no-such.toml"], "no-such.toml: cannot read"),
-        (&["plan", &scenario, "--weight", "2"], "weight is 2"),
+        (
+            &["plan", &scenario, "--weight", "2"],
+            "the given weight: the weight is 2:",
+        ),
+        // Not with its two hundred digits.
+        (
+            &["plan", &scenario, "--weight", "1e200"],
+            "weight is 1e200:",
+        ),
+        (&["plan", &many], "line number (--pick)"),
+        (&["plan", &scenario, "--out", "-"], "`-` is no file"),
+        (
+            &["translate", "F a & F b & F c", "--max-states", "3"],
+            "(--max-states)",
+        ),
+        (
+            &["translate", "F a & F b & F c", "--max-transitions", "3"],
+            "(--max-transitions)",
+        ),
+        (
+            &["translate", "F a", "--max-translation", "0.0"],
+            "(--max-translation)",
+        ),
+        (&["translate", "F a", "--max-translation=-1"], "as in 0.5"),
+        (
+            &[
+                "library",
+                "build",
+                &scenario,
+                "--samples",
+                "0",
+                "--out",
+                "l",
+            ],
+            "0 is not in",
+        ),
         (&["plan", &scenario, "--y-rand", "1"], "y_rand"),
         (&["plan", &scenario, "--task", "X l1"], "next"),
         (
@@ -92,6 +128,52 @@ fn input_that_is_out_of_range_ends_with_2() {
         );
         assert!(run.out.is_empty(), "{arguments:?}: {run:?}");
     }
+}
+
+#[test]
+fn files_without_scenarios_and_regions_beyond_the_map_are_called_so() {
+    let folder = folder();
+    let file = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.display().to_string()
+    };
+    let run = nngtl(&["plan", &file("none.jsonl", "\n")]);
+    assert_eq!(run.code, 2, "{run:?}");
+    assert!(run.err.contains("holds no scenario"), "{run:?}");
+
+    let square = |x: f64| format!("[[{x}, 0], [{}, 0], [{}, 1]]", x + 1.0, x + 1.0);
+    let text = format!(
+        "start = [5, 5]\ntask = \"F near\"\n[workspace]\nbounds = [[0, 0], [9, 9]]\nobstacles = [{}]\n\
+         [workspace.regions]\nnear = {}\nfar = {}\ncovered = {}\n",
+        square(0.0),
+        square(4.0),
+        square(9.0),
+        square(0.0),
+    );
+    let run = nngtl(&["plan", &file("far.toml", &text), "--first"]);
+    assert_eq!(run.code, 0, "{run:?}");
+    for says in [
+        "region `far` lies outside the bounds",
+        "region `covered` is covered by obstacles entirely",
+    ] {
+        assert!(run.err.contains(says), "{run:?}");
+    }
+}
+
+#[test]
+fn a_mistake_in_an_automaton_is_told_once() {
+    let folder = folder();
+    let path = folder.path().join("a.hoa");
+    let text = "HOA: v1\nStates: 1\nStart: 0\nAP: 1 \"l1\"\nAcceptance: 1 Fin(0)\n--BODY--\nState: 0 [0] 0\n--END--\n";
+    std::fs::write(&path, text).unwrap();
+    let path = path.display().to_string();
+    let run = nngtl(&["plan", &shipped("case-study.toml"), "--automaton", &path]);
+    assert_eq!(run.code, 2, "{run:?}");
+    assert_eq!(run.err.matches("error").count(), 1, "{run:?}");
+    assert_eq!(run.err.matches("supported").count(), 1, "{run:?}");
+    assert!(run.err.contains("Acceptance: 1 Fin(0)\n"), "{run:?}");
+    assert!(run.err.contains('^'), "{run:?}");
 }
 
 #[test]

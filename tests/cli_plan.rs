@@ -279,6 +279,26 @@ fn an_adapter_that_was_asked_for_and_not_used_is_told_in_one_line() {
 }
 
 #[test]
+fn a_search_that_fails_tells_of_the_device_too() {
+    let arguments = ["--sampler", "biased", "--device", "gpu", "--json"];
+    let none = ["--iterations", "1", "--seed", "0"];
+    let run = plan("case-study.toml", &[&arguments[..], &none].concat());
+    assert_eq!(run.code, 1, "{run:?}");
+    let says = "the device gpu was not used";
+    assert!(run.err.contains(says), "{run:?}");
+    let notices = &run.json()["notices"];
+    assert!(notices[0].as_str().unwrap().contains(says), "{run:?}");
+}
+
+#[test]
+fn a_search_that_ran_out_of_time_is_offered_more_of_it() {
+    let none = ["--sampler", "uniform", "--time-limit", "0"];
+    let run = plan("case-study.toml", &none);
+    assert_eq!(run.code, 1, "{run:?}");
+    assert!(run.err.contains("a longer --time-limit"), "{run:?}");
+}
+
+#[test]
 fn the_exact_planner_beats_sampling_here() {
     let exact = plan("case-study.toml", &["--sampler", "exact", "--json"]).json();
     let sampled = plan("case-study.toml", &["--json"]).json();

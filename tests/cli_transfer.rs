@@ -120,6 +120,7 @@ fn a_plan_is_repaired_when_an_obstacle_appears_on_its_way() {
     // The mission is the plan's, not the scenario's.
     let unchanged = done(&["replan", &grid, &plan]);
     assert!(unchanged.out.contains("the plan still holds"));
+    assert!(unchanged.out.contains("unchanged and verified"));
 
     // An obstacle on the middle of the suffix's longest leg.
     let path = PlanFile::read(Path::new(&plan)).unwrap().path();
@@ -149,7 +150,15 @@ fn a_plan_is_repaired_when_an_obstacle_appears_on_its_way() {
     let start = map.replacen("start = [0.025, 0.025]", "start = [0.925, 0.925]", 1);
     std::fs::write(&moved, start).unwrap();
     let told = done(&["replan", &moved, &plan, "--library", &library, "--first"]);
-    assert!(told.out.contains("planned anew"), "{told:?}");
+    let says =
+        "cannot be repaired: it begins at (0.025, 0.025), the robot stands at (0.925, 0.925)";
+    assert!(told.out.contains(says), "{told:?}");
+    // A task of the plan's that this map does not know is the plan's, not the user's.
+    let renamed = file(&folder, "renamed.toml");
+    std::fs::write(&renamed, map.replace("r2", "q2")).unwrap();
+    let refused = run(&["replan", &renamed, &plan]);
+    assert_eq!(refused.code, 2, "{refused:?}");
+    assert!(refused.err.contains(&format!("{plan}:1:")), "{refused:?}");
 
     // The library of the old map is checked skill by skill, and what is blocked is told.
     let words = ["transfer", &block, "--task", task, "--library", &library];
@@ -166,6 +175,23 @@ fn a_plan_is_repaired_when_an_obstacle_appears_on_its_way() {
         assert!(refused.err.contains("would keep"), "{refused:?}");
     }
     assert_eq!(std::fs::read(&library).unwrap(), before);
+}
+
+#[test]
+fn a_library_of_nothing_is_not_written() {
+    let folder = folder();
+    let out = file(&folder, "l.library");
+    let grid = shipped("transfer-grid.toml");
+    for (task, code, says) in [
+        ("G !r1", 1, "no subtask that asks for a path"),
+        ("F r1 & G !r1", 1, "unsatisfiable"),
+    ] {
+        let words = ["library", "build", &grid, "--task", task, "--out", &out];
+        let told = run(&words);
+        assert_eq!(told.code, code, "{told:?}");
+        assert!(told.err.contains(says), "{told:?}");
+        assert!(!Path::new(&out).exists());
+    }
 }
 
 #[test]

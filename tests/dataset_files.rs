@@ -202,7 +202,7 @@ fn a_finished_set_is_extended_in_place_and_never_cut() {
         assert_eq!(contents(folder.path()), whole);
         assert_eq!(drawn.into_inner(), 4, "full shards are kept");
         let cut = generate(&shorter, &|_| {}, &AtomicBool::new(false)).unwrap_err();
-        let says = format!("(maps 0 to 6, now 0 to {maps})");
+        let says = format!("(missions 18, now {})", 3 * maps);
         assert!(cut.to_string().contains(&says), "{cut}");
         let later = GenerateConfig {
             from: 2,
@@ -210,7 +210,7 @@ fn a_finished_set_is_extended_in_place_and_never_cut() {
         };
         let later = generate(&later, &|_| {}, &AtomicBool::new(false)).unwrap_err();
         assert!(
-            later.to_string().contains("(maps 0 to 6, now 2 to 6)"),
+            later.to_string().contains("(missions 18, now 6 to 18)"),
             "{later}"
         );
         assert_eq!(contents(folder.path()), whole);

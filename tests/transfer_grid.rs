@@ -377,7 +377,7 @@ fn broken_plans_are_repaired_and_whole_ones_left_alone() {
                     checked.unwrap_or_else(|e| panic!("{}: {e}", paper.name));
                 }
                 Replanned::Unchanged(_) => panic!("a waypoint lies in an obstacle"),
-                Replanned::Hopeless => {}
+                Replanned::Hopeless(_) => {}
             }
         }
         assert!(repaired >= 4, "{}: {repaired}", paper.name);
@@ -413,7 +413,7 @@ fn what_cannot_be_repaired_is_planned_anew_or_told_impossible() {
     let changed = with_obstacles(&scenario, &closed);
     assert!(matches!(
         replan(&problem(&changed), &plan, &Settings::default()),
-        Replanned::Hopeless
+        Replanned::Hopeless(_)
     ));
     let task = mission::task(&changed).unwrap();
     let error = mission::replan_task(

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::automaton::TaskError;
+use crate::automaton::{TaskError, TranslateError};
 use crate::mission::MissionError;
 use crate::plan::PlanFileError;
 use crate::planner::PlanError;
-use crate::scenario::ScenarioError;
+use crate::scenario::{ScenarioError, ScenarioErrorKind};
 
 /// The version of everything that `--json` prints.
 pub(super) const JSON_VERSION: u32 = 1;
@@ -96,9 +96,25 @@ impl From<ScenarioError> for Failure {
             Some((line, column)) => json!({ "line": line, "column": column }),
             None => json!({}),
         };
-        Self::input(e.to_string())
+        let option = match e.kind() {
+            ScenarioErrorKind::NotOne { .. } => " (--pick)",
+            _ => "",
+        };
+        Self::input(format!("{e}{option}"))
             .with_snippet(e.snippet())
             .with_details(details)
+    }
+}
+
+impl From<TranslateError> for Failure {
+    fn from(e: TranslateError) -> Self {
+        let option = match &e {
+            TranslateError::States { .. } => " (--max-states)",
+            TranslateError::Transitions { .. } => " (--max-transitions)",
+            TranslateError::Time { .. } => " (--max-translation)",
+            _ => "",
+        };
+        Self::input(format!("{e}{option}"))
     }
 }
 
@@ -135,7 +151,7 @@ impl From<MissionError> for Failure {
             MissionError::Task(TaskError::Unsatisfiable) => {
                 Self::negative("unsatisfiable", message)
             }
-            MissionError::Task(TaskError::Translate(_)) => Self::input(message),
+            MissionError::Task(TaskError::Translate(e)) => e.into(),
             MissionError::Task(_) => Self::negative("not-on-this-map", message),
             MissionError::Refused(_) => Self::negative("refused", message),
             _ => Self::input(message),

@@ -11,7 +11,7 @@ use crate::automaton::{Limits, Nba, read_hoa};
 use crate::guidance::Heatmap;
 use crate::plan::write_atomically;
 use crate::render::{heatmap_npy, heatmap_png};
-use crate::scenario::{Overrides, Scenario};
+use crate::scenario::{Overrides, Scenario, snippet};
 
 /// How many pixels a heatmap's cell gets in a picture of its own.
 const HEATMAP_CELL: u32 = 4;
@@ -23,6 +23,7 @@ const MAX_HOA_BYTES: u64 = 16 << 20;
 pub(super) fn scenario(args: &MissionArgs, console: &Console) -> Result<Scenario, Failure> {
     let overrides = Overrides {
         task: args.task.clone(),
+        task_of: args.task_of.clone(),
         weight: args.weight,
     };
     let scenario = Scenario::load_with(&args.scenario, args.pick.as_deref(), &overrides)?;
@@ -74,6 +75,11 @@ pub(super) fn heatmap_format(path: &Path) -> Result<HeatmapFormat, Failure> {
 pub(super) fn check_folders<'a>(paths: impl IntoIterator<Item = &'a Path>) -> Result<(), Failure> {
     let mut seen = HashSet::new();
     for path in paths {
+        if path == Path::new("-") {
+            let why =
+                "`-` is no file: name one, or /dev/stdout (--json prints the result there, too)";
+            return Err(Failure::input(why));
+        }
         let device = std::fs::metadata(path).is_ok_and(|there| !there.is_file() && !there.is_dir());
         if !device && !seen.insert(path) {
             return Err(Failure::input(format!(
@@ -128,7 +134,8 @@ pub(super) fn automaton(file: &Path, scenario: &Scenario) -> Result<Nba, Failure
     let text = read_text(file).map_err(|e| Failure::input(format!("{name}: {e}")))?;
     let letters = Arc::clone(scenario.workspace.alphabet());
     let nba = read_hoa(&text, letters, &limits).map_err(|e| {
-        Failure::input(format!("{name}: {e}")).with_snippet(Some(e.render(Some(&name), false)))
+        let lines = snippet::show(&e.source, e.line, &e.place());
+        Failure::input(format!("{name}: {e}")).with_snippet(Some(lines))
     })?;
     if scenario.grid.is_some() {
         // On a grid every waypoint is a letter, so counting them means something.

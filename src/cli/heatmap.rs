@@ -35,6 +35,7 @@ pub(super) fn run(args: &HeatmapArgs, console: &Console) -> Result<(), Failure> 
             "device": prediction.device,
             "model_hash": prediction.model_hash,
             "states": prediction.guidance.states,
+            "notices": prediction.notice.as_slice(),
             "seconds": { "encode": prediction.encode, "infer": prediction.infer },
             "heatmap": args.out,
         });

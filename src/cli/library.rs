@@ -140,6 +140,20 @@ pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Fa
         before.merge(&*system, &library);
         library = before;
     }
+    if library.skills().is_empty() {
+        let why = match built.subtasks {
+            0 => "the mission has no subtask that asks for a path".to_owned(),
+            n => format!(
+                "no path was found for any of its {} within {}; give it more --samples",
+                count(n, "subtask"),
+                count(built.samples as usize, "sample"),
+            ),
+        };
+        return Err(Failure::negative(
+            "not-found",
+            format!("{}: nothing was learned: {why}", scenario.name),
+        ));
+    }
     library.to_file(&*system).write(&args.out)?;
     console.note(&format!("wrote {}", args.out.display()));
     draw(
@@ -192,6 +206,7 @@ pub(super) fn show(args: &LibraryShowArgs, console: &Console) -> Result<(), Fail
             scenario: path.clone(),
             pick: args.pick.clone(),
             task: None,
+            task_of: None,
             weight: None,
         };
         let scenario = files::scenario(&wanted, console)?;

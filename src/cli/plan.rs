@@ -20,9 +20,6 @@ use crate::scenario::Scenario;
 /// Pixels of a PNG for each pixel of the SVG.
 const PNG_SCALE: f64 = 1.5;
 
-/// What stands for the sampler where a plan was repaired.
-const REPAIRED: &str = "replan";
-
 pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
     let began = Instant::now();
     let (scenario, task, translate) = read(args, console)?;
@@ -139,6 +136,7 @@ pub(super) fn watched<T>(
     }
     planned.map_err(|e| match e {
         MissionError::Plan(PlanError::NotFound(found)) => {
+            found.notices.iter().for_each(|notice| console.warn(notice));
             let missing: Vec<String> = found.missing.iter().map(|l| alphabet.show(l)).collect();
             not_found(scenario, &found, &missing)
         }
@@ -180,9 +178,14 @@ fn not_found(scenario: &Scenario, found: &NotFound, missing: &[String]) -> Failu
             missing.join(" or ")
         );
     }
-    message.push_str("; give it more --iterations, or another --sampler");
+    let more = match found.reason {
+        EndReason::Time => "a longer --time-limit",
+        _ => "more --iterations",
+    };
+    let _ = write!(message, "; give it {more}, or another --sampler");
     Failure::negative("not-found", message).with_details(json!({
         "scenario": scenario.name,
+        "notices": found.notices,
         "stats": found.stats,
         "states_reached": reached,
         "states": states,
@@ -285,21 +288,19 @@ pub(super) fn to_json(args: &PlanArgs, scenario: &Scenario, planned: &Planned) -
 /// The summary for people.
 pub(super) fn describe(scenario: &Scenario, planned: &Planned) -> String {
     let file = &planned.file;
-    let mut text = String::new();
     let sampler = file.sampler.as_deref().unwrap_or("unknown");
     let device = match &file.device {
         Some(device) => format!(", networks on {device}"),
         None => String::new(),
     };
-    let _ = writeln!(
-        text,
-        "{}: {}",
-        scenario.name,
-        match sampler {
-            REPAIRED => "repaired and verified".to_owned(),
-            _ => format!("planned and verified ({sampler} sampler{device})"),
-        }
-    );
+    let done = format!("planned and verified ({sampler} sampler{device})");
+    describe_as(scenario, planned, &done)
+}
+
+/// As [`describe`], with what was `done` to the plan.
+pub(super) fn describe_as(scenario: &Scenario, planned: &Planned, done: &str) -> String {
+    let file = &planned.file;
+    let mut text = format!("{}: {done}\n", scenario.name);
     let word = planned.verified.word.show(scenario.workspace.alphabet());
     let _ = writeln!(text, "  sees    {word}");
     let (cost, weight) = (planned.verified.cost, scenario.weight);

@@ -19,6 +19,7 @@ pub(super) fn run(args: &ReplanArgs, console: &Console) -> Result<(), Failure> {
     if let (None, None, Some(task)) = (&wanted.mission.task, &wanted.automaton, &old.task) {
         // The plan's own mission: a scenario has one task, a map many.
         wanted.mission.task = Some(task.clone());
+        wanted.mission.task_of = Some(args.old.clone());
     }
     let (scenario, task, translate) = plan::read(&wanted, console)?;
     let skills = match &args.library {
@@ -53,7 +54,7 @@ pub(super) fn run(args: &ReplanArgs, console: &Console) -> Result<(), Failure> {
             let what = if segments == 1 { "segment" } else { "segments" };
             format!("{segments} {what} replaced in {}", seconds(s))
         }
-        Change::Anew => "no repair was possible: planned anew".to_owned(),
+        Change::Anew(why) => format!("planned anew, as the old plan cannot be repaired: {why}"),
     };
     let text = if console.json() {
         let mut object = plan::to_json(&args.plan, &scenario, &planned);
@@ -62,11 +63,18 @@ pub(super) fn run(args: &ReplanArgs, console: &Console) -> Result<(), Failure> {
             Change::Repaired { segments, seconds } => {
                 json!({ "kind": "repaired", "segments": segments, "seconds": seconds })
             }
-            Change::Anew => json!({ "kind": "anew" }),
+            Change::Anew(why) => json!({ "kind": "anew", "reason": why.to_string() }),
         };
         format!("{object}\n")
     } else {
-        format!("{}  change  {told}\n", plan::describe(&scenario, &planned))
+        let summary = match change {
+            Change::None => plan::describe_as(&scenario, &planned, "unchanged and verified"),
+            Change::Repaired { .. } => {
+                plan::describe_as(&scenario, &planned, "repaired and verified")
+            }
+            Change::Anew(_) => plan::describe(&scenario, &planned),
+        };
+        format!("{summary}  change  {told}\n")
     };
     Ok(console.result(&text)?)
 }

@@ -20,7 +20,7 @@ pub(super) fn run(args: &TranslateArgs, console: &Console) -> Result<(), Failure
         Some(path) => on_map(args, path, &limits)?,
         None => alone(&args.formula, &limits)?,
     };
-    let nba = nba.map_err(|e| Failure::input(e.to_string()))?;
+    let nba = nba?;
     let task = Task::from_trimmed(nba, Some(parsed.formula.clone()));
     let written = show(&task.nba, args.format);
     let text = if console.json() {
@@ -96,7 +96,7 @@ fn on_map(args: &TranslateArgs, path: &Path, limits: &Limits) -> Result<Translat
     // The scenario's own task does not matter here.
     let overrides = Overrides {
         task: Some("true".to_owned()),
-        weight: None,
+        ..Overrides::default()
     };
     let scenario = Scenario::load_with(path, args.pick.as_deref(), &overrides)?;
     let alphabet = Arc::clone(scenario.workspace.alphabet());

@@ -2,27 +2,11 @@
 
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
-
-use super::record::{MapRecord, MissionRecord, point, to_millionth};
+use super::record::{Gap, MapRecord, MissionRecord, point, to_millionth};
 use super::sample::translate;
 use crate::exact::quick_bound;
 use crate::system::MapLayout;
 use crate::workspace::Workspace;
-
-/// How much more than certified lower bounds expert plans cost, as shares of the bounds. A bound takes more than half as long as
-/// its mission does: it is computed for the first mission of each map.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Gap {
-    /// Missions with a bound.
-    pub missions: u64,
-    /// Missions whose bound is 0, of which no share can be told; they count nowhere else.
-    pub unbounded: u64,
-    /// The mean, to a millionth.
-    pub mean: f64,
-    /// The largest one, to a millionth.
-    pub worst: f64,
-}
 
 impl Gap {
     /// The gap on a map as it is written; `weight` is the prefix's share of the cost.
@@ -40,22 +24,6 @@ impl Gap {
                 ..Self::default()
             },
         }
-    }
-
-    /// The gap of several parts together.
-    pub(super) fn of_parts<'a>(parts: impl Iterator<Item = &'a Self>) -> Self {
-        let mut all = Self::default();
-        let mut sum = 0.0;
-        for part in parts {
-            all.missions += part.missions;
-            all.unbounded += part.unbounded;
-            all.worst = all.worst.max(part.worst);
-            sum += part.mean * part.missions as f64;
-        }
-        if all.missions > 0 {
-            all.mean = to_millionth(sum / all.missions as f64);
-        }
-        all
     }
 }
 

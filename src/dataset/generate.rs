@@ -12,10 +12,9 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::differences::{Difference, differences, listed};
-use super::gap::Gap;
 use super::maps::Family;
 use super::read::{ReadError, digest, read_manifest};
-use super::record::{Counts, Manifest, ShardEntry, add_counts};
+use super::record::{Counts, Gap, Manifest, ShardEntry, add_counts};
 use super::sample::{Sample, draw_sample};
 use crate::plan::write_atomically;
 
@@ -228,7 +227,7 @@ pub enum GenerateError {
     },
     /// The directory holds a data set of other settings.
     #[error(
-        "{path}: this data set was begun with other settings ({}): it can be given more maps, all else alike; choose another directory, or remove it first",
+        "{path}: this data set was begun with other settings ({}): it can be given more missions, all else alike; choose another directory, or remove it first",
         listed(differences, "now")
     )]
     OtherSet {
@@ -323,9 +322,13 @@ fn kept_shards(config: &GenerateConfig) -> Result<Vec<ShardEntry>, GenerateError
     let found = read_manifest(&config.out).map_err(|e| GenerateError::Manifest(Box::new(e)))?;
     let mut differences = differences(&found, &config.manifest(&[]));
     if found.from != config.from || found.to > config.to {
-        let range = |from: u64, to: u64| format!("{from} to {to}");
+        let each = config.missions_per_map as u64;
+        let range = |from: u64, to: u64| match from {
+            0 => (to * each).to_string(),
+            _ => format!("{} to {}", from * each, to * each),
+        };
         differences.push(Difference {
-            setting: "maps".to_owned(),
+            setting: "missions".to_owned(),
             old: range(found.from, found.to),
             new: range(config.from, config.to),
         });

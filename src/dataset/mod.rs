@@ -19,7 +19,6 @@ mod sample;
 mod shapes;
 
 pub use differences::Difference;
-pub use gap::Gap;
 pub use generate::{Expert, GenerateConfig, GenerateError, MANIFEST, Outcome, Progress, generate};
 pub use merge::{MergeError, merge};
 pub use read::{
@@ -27,6 +26,6 @@ pub use read::{
     read_shard,
 };
 pub use record::{
-    AutomatonRecord, Counts, FORMAT, Manifest, MapRecord, MissionRecord, Pair, RecordError,
+    AutomatonRecord, Counts, FORMAT, Gap, Manifest, MapRecord, MissionRecord, Pair, RecordError,
     ShardEntry, pair, point,
 };

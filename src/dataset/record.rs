@@ -6,7 +6,6 @@ use std::sync::Arc;
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 
-use super::gap::Gap;
 use super::maps::{Family, MapShapes, region_name};
 use super::missions::Pattern;
 use crate::automaton::{StateId, Task};
@@ -21,6 +20,38 @@ pub type Pair = [f64; 2];
 
 /// Counts by name, in alphabetical order.
 pub type Counts = BTreeMap<String, u64>;
+
+/// How much more than certified lower bounds expert plans cost, as shares of the bounds. A bound takes more than half as long as
+/// its mission does: it is computed for the first mission of each map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Gap {
+    /// Missions with a bound.
+    pub missions: u64,
+    /// Missions whose bound is 0, of which no share can be told; they count nowhere else.
+    pub unbounded: u64,
+    /// The mean, to a millionth.
+    pub mean: f64,
+    /// The largest one, to a millionth.
+    pub worst: f64,
+}
+
+impl Gap {
+    /// The gap of several parts together.
+    pub(super) fn of_parts<'a>(parts: impl Iterator<Item = &'a Self>) -> Self {
+        let mut all = Self::default();
+        let mut sum = 0.0;
+        for part in parts {
+            all.missions += part.missions;
+            all.unbounded += part.unbounded;
+            all.worst = all.worst.max(part.worst);
+            sum += part.mean * part.missions as f64;
+        }
+        if all.missions > 0 {
+            all.mean = to_millionth(sum / all.missions as f64);
+        }
+        all
+    }
+}
 
 /// `manifest.json`: what the data set holds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

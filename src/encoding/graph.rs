@@ -110,20 +110,39 @@ impl AutomatonGraph {
     }
 
     /// Encodes `task` with the channels in order of first use in its formula, and returns their
-    /// names too. A task without a formula uses every proposition, in the alphabet's order.
+    /// names too. A task without a formula uses the propositions that its guards ask for or forbid, in the
+    /// alphabet's order.
     ///
     /// # Errors
     /// As [`Self::new`].
     pub fn of_task(task: &Task) -> Result<(Self, Vec<String>), GraphError> {
-        let names: Vec<String> = match &task.formula {
-            Some(formula) => region_order(formula)
-                .into_iter()
-                .map(str::to_owned)
-                .collect(),
-            None => task.nba.alphabet.propositions().to_vec(),
+        let known = task.nba.alphabet.propositions();
+        let refs: Vec<&str> = match &task.formula {
+            Some(formula) => region_order(formula),
+            None => known.iter().map(String::as_str).collect(),
         };
-        let refs: Vec<&str> = names.iter().map(String::as_str).collect();
-        Ok((Self::new(task, &refs)?, names))
+        let mut graph = Self::new(task, &refs)?;
+        let mut names: Vec<String> = refs.into_iter().map(str::to_owned).collect();
+        if task.formula.is_none() {
+            let used = graph.keep_used();
+            let mut used = used.iter();
+            names.retain(|_| used.next() == Some(&true));
+        }
+        Ok((graph, names))
+    }
+
+    /// Drops the channels that no transition has a literal of, and returns for each whether it stays.
+    fn keep_used(&mut self) -> Vec<bool> {
+        let mut used = vec![false; self.regions];
+        for row in self.literals.chunks(self.regions.max(1)) {
+            for (used, &literal) in used.iter_mut().zip(row) {
+                *used |= literal != 0;
+            }
+        }
+        let mut channel = used.iter().cycle();
+        self.literals.retain(|_| channel.next() == Some(&true));
+        self.regions = used.iter().filter(|&&u| u).count();
+        used
     }
 
     /// Whether the lists fit together; graphs that [`Self::new`] made always do.
@@ -282,6 +301,18 @@ mod tests {
         assert_eq!(graph.state_to_transition().sources, [0, 0, 1]);
         assert_eq!(graph.target_to_transition().sources, [0, 1, 1]);
         assert_eq!(graph.transition_to_source().offsets, [0, 2, 3]);
+    }
+
+    #[test]
+    fn an_automaton_alone_uses_the_regions_of_its_guards() {
+        let task = Task {
+            formula: None,
+            ..eventually_b()
+        };
+        let (graph, names) = AutomatonGraph::of_task(&task).unwrap();
+        assert_eq!(names, ["b"]);
+        assert_eq!((graph.regions, &graph.literals[..]), (1, &[0, 1, 0][..]));
+        assert_eq!(graph.check(), Ok(()));
     }
 
     #[test]

@@ -8,7 +8,7 @@ use crate::automaton::Task;
 use crate::encoding::{AutomatonGraph, Encoding, MapInput};
 use crate::guidance::Guidance;
 use crate::nn::{DeviceChoice, PredictError, Predictor};
-use crate::planner::{Deferred, Guide, Problem, Sampler};
+use crate::planner::{Deferred, Guide, PlanError, Problem, Sampler};
 use crate::scenario::Scenario;
 use crate::system::{Spot, TransitionSystem, Ways};
 use crate::workspace::{Polygon, Workspace};
@@ -199,6 +199,17 @@ impl Chosen {
     fn new(sampler: Sampler, answer: Answer) -> Self {
         let answer = Arc::new(Mutex::new(answer));
         Self { sampler, answer }
+    }
+
+    /// A search's failure, with what a user should know of the networks.
+    pub(super) fn failed(&self, error: PlanError) -> PlanError {
+        match error {
+            PlanError::NotFound(mut why) => {
+                why.notices = self.answer().notices;
+                PlanError::NotFound(why)
+            }
+            other => other,
+        }
     }
 
     /// What the networks have said by now.

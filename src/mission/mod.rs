@@ -200,7 +200,8 @@ pub fn plan_task(
     check_reachable(scenario, &task, &*problem.system)?;
     let chosen = guide::choose(scenario, &problem, options)?;
     let searched = Instant::now();
-    let solution = planner::plan(&problem, &chosen.sampler, &options.settings, stop, observe)?;
+    let found = planner::plan(&problem, &chosen.sampler, &options.settings, stop, observe);
+    let solution = found.map_err(|e| chosen.failed(e))?;
     let answer = chosen.answer();
     let search = searched.elapsed().as_secs_f64() - answer.waited;
 

@@ -13,7 +13,8 @@ use crate::planner::{Problem, Progress, Sampler, Stop};
 use crate::scenario::Scenario;
 use crate::shorten::Shortener;
 use crate::transfer::{
-    self, BuildProgress, BuildSampler, BuildSettings, Built, Library, Repair, Replanned, Reused,
+    self, BeyondRepair, BuildProgress, BuildSampler, BuildSettings, Built, Library, Repair,
+    Replanned, Reused,
 };
 
 /// Passes over the points of a plan that is shortened.
@@ -34,6 +35,7 @@ pub fn build_library(
 ) -> Result<(Built, Option<String>), MissionError> {
     let problem = problem(scenario, Arc::new(task.clone()))?;
     let (system, start) = (&*problem.system, problem.start);
+    check_reachable(scenario, task, system)?;
     let (sampler, notice) = match options.sampler {
         SamplerChoice::Guided => {
             let mut networks = guide::load(options)?;
@@ -79,7 +81,8 @@ pub fn transfer_task(
         &options.settings,
         stop,
         observe,
-    )?;
+    );
+    let found = found.map_err(|e| chosen.failed(e))?;
     let mut solution = found.solution;
     if !options.settings.first {
         let cost = solution.cost;
@@ -139,8 +142,8 @@ pub enum Change {
         /// Seconds, without verification.
         seconds: f64,
     },
-    /// No repair was possible: the mission was planned anew.
-    Anew,
+    /// No repair was possible, for this reason: the mission was planned anew.
+    Anew(BeyondRepair),
 }
 
 /// Makes a plan fit a changed scenario: repairs it, or plans anew where that is not possible (with the
@@ -166,13 +169,13 @@ pub fn replan_task(
             let (segments, seconds) = (repair.segments, repair.seconds);
             (repair, Change::Repaired { segments, seconds })
         }
-        Replanned::Hopeless => {
+        Replanned::Hopeless(why) => {
             let task = Task::clone(&shared);
             let planned = match library {
                 Some(library) => transfer_task(scenario, task, library, options, stop, observe)?.0,
                 None => super::plan_task(scenario, task, options, stop, observe)?,
             };
-            return Ok((planned, Change::Anew));
+            return Ok((planned, Change::Anew(why)));
         }
     };
     problem.task = Arc::clone(&repair.task);

@@ -143,6 +143,8 @@ pub struct NotFound {
     pub reason: EndReason,
     /// The edges of all trees, for pictures.
     pub edges: Vec<[nalgebra::Point2<f64>; 2]>,
+    /// What a user should know of devices and networks; whoever chose them for the search says it.
+    pub notices: Vec<String>,
 }
 
 impl NotFound {
@@ -184,6 +186,7 @@ impl NotFound {
             missing,
             reason,
             edges,
+            notices: Vec::new(),
         }
     }
 }

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::parallel::MAX_THREADS;
 use super::tree::Near;
+use crate::number::Brief;
 
 /// So many sites are connected where RRT*'s rules name fewer and none of those leads to the point, and
 /// in small trees from the beginning: a point that is drawn far ahead is often in sight of few of those
@@ -104,7 +105,7 @@ impl Default for Settings {
 
 /// A setting out of its range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("setting `{name}` is {value}: expected {expected}")]
+#[error("setting `{name}` is {}: expected {expected}", Brief(*value))]
 pub struct SettingsError {
     /// The field's name.
     pub name: &'static str,

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use crate::ltl::ParseError;
 use crate::maps::MapError;
+use crate::number::Brief;
 
 use crate::system::GridError;
 use crate::workspace::{PolygonError, WorkspaceError};
@@ -58,13 +59,14 @@ pub enum ScenarioErrorKind {
     #[error("{0}")]
     Syntax(String),
     /// A file for one scenario holds none or several.
-    #[error(
-        "expected one scenario, found {found}: name the one you mean by its `name` or line number"
-    )]
+    #[error("the file holds {found} scenarios: name the one you mean by its `name` or line number")]
     NotOne {
         /// How many there are.
         found: usize,
     },
+    /// A file for scenarios holds none.
+    #[error("the file holds no scenario: expected one on each line")]
+    Empty,
     /// No scenario of a `.jsonl` file has this name or line number.
     #[error("no scenario is called `{pick}`, and none stands on a line of that number")]
     NotFound {
@@ -81,7 +83,7 @@ pub enum ScenarioErrorKind {
     },
     /// The bounds enclose nothing.
     #[error(
-        "the bounds go from ({}, {}) to ({}, {}): expected the lower-left corner first, then the upper-right one", min[0], min[1], max[0], max[1]
+        "the bounds go from ({}, {}) to ({}, {}): expected the lower-left corner first, then the upper-right one", Brief(min[0]), Brief(min[1]), Brief(max[0]), Brief(max[1])
     )]
     Bounds {
         /// The first corner.
@@ -112,7 +114,7 @@ pub enum ScenarioErrorKind {
     #[error("{0}")]
     Workspace(#[source] WorkspaceError),
     /// The start lies outside the bounds.
-    #[error("the start ({x}, {y}) lies outside the bounds: move it inside")]
+    #[error("the start ({}, {}) lies outside the bounds: move it inside", Brief(*x), Brief(*y))]
     StartOutside {
         /// Its x coordinate, map units.
         x: f64,
@@ -133,7 +135,7 @@ pub enum ScenarioErrorKind {
     },
     /// The robot's radius is no length, or the map is too narrow for it.
     #[error(
-        "the robot's radius is {0}: expected a number from 0 to less than half the map's width"
+        "the robot's radius is {}: expected a number from 0 to less than half the map's width", Brief(*.0)
     )]
     RobotRadius(f64),
     /// The map file cannot be used.
@@ -141,7 +143,7 @@ pub enum ScenarioErrorKind {
     Map(#[source] MapError),
     /// The weight is not a share.
     #[error(
-        "the weight is {0}: expected a number from 0 (only the suffix counts) to 1 (only the prefix)"
+        "the weight is {}: expected a number from 0 (only the suffix counts) to 1 (only the prefix)", Brief(*.0)
     )]
     Weight(f64),
     /// There is no formula.

@@ -46,7 +46,7 @@ mod resolve;
 pub(crate) mod snippet;
 mod spec;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nalgebra::Point2;
@@ -90,6 +90,8 @@ pub struct Scenario {
 pub struct Overrides {
     /// Another mission.
     pub task: Option<String>,
+    /// The file that the other mission stands in, for errors; "the given task" if none is named.
+    pub task_of: Option<PathBuf>,
     /// Another λ, in `[0, 1]`.
     pub weight: Option<f64>,
 }
@@ -185,12 +187,17 @@ impl Scenario {
     /// Things that are allowed but probably not meant, each one sentence.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
-        let hidden = |name| {
-            format!(
-                "region `{name}` is covered by obstacles entirely: no point of it can be visited"
-            )
-        };
         let workspace = &self.workspace;
+        let hidden = |name: &str| {
+            let region = workspace.regions().iter().find(|r| r.name == name);
+            let bounds = workspace.bounds();
+            let inside = region.is_some_and(|r| bounds.meet(r.polygon.min(), r.polygon.max()));
+            let why = match inside {
+                true => "is covered by obstacles entirely",
+                false => "lies outside the bounds",
+            };
+            format!("region `{name}` {why}: no point of it can be visited")
+        };
         workspace.hidden_regions().into_iter().map(hidden).collect()
     }
 
@@ -215,14 +222,24 @@ impl Scenario {
         let weight = overrides.weight.unwrap_or(spec.weight);
         if !(0.0..=1.0).contains(&weight) {
             let kind = ScenarioErrorKind::Weight(weight);
-            return Err(fail(kind, &[Step::Key("weight")]));
+            return Err(match overrides.weight {
+                Some(_) => ScenarioError::new(kind).in_file("the given weight"),
+                None => fail(kind, &[Step::Key("weight")]),
+            });
         }
         let (task, written) = match (&overrides.task, &spec.task) {
             (Some(task), _) => (task, None),
             (None, Some(task)) => (task, source),
             (None, None) => return Err(ScenarioErrorKind::NoTask.into()),
         };
-        let formula = check_task(task, &workspace, written)?;
+        let given = || match &overrides.task_of {
+            Some(file) => file.clone(),
+            None => "the given task".into(),
+        };
+        let formula = check_task(task, &workspace, written).map_err(|e| match written {
+            Some(_) => e,
+            None => e.in_file(given()),
+        })?;
         Ok(Self {
             name: spec.name.clone(),
             hash: hash(spec, start, task, weight),
@@ -361,11 +378,7 @@ fn check_task(
         .and_then(|parsed| ltl::check_propositions(&parsed, names).map(|()| parsed.formula));
     checked.map_err(|e| {
         let place = place(e.span.clone());
-        let error = ScenarioError::new(ScenarioErrorKind::Formula(e)).at(place);
-        match written {
-            Some(_) => error,
-            None => error.in_file("the given task"),
-        }
+        ScenarioError::new(ScenarioErrorKind::Formula(e)).at(place)
     })
 }
 

@@ -121,6 +121,9 @@ pub(super) fn read_one(path: &Path, pick: Option<&str>) -> Read1 {
         if all.len() == 1 {
             return all.remove(0);
         }
+        if all.is_empty() {
+            return Err(ScenarioError::new(Kind::Empty).in_file(path));
+        }
         let found = all.len();
         return Err(ScenarioError::new(Kind::NotOne { found }).in_file(path));
     };

@@ -71,6 +71,7 @@ fn overrides_replace_task_and_weight_and_change_the_hash() {
     let overrides = Overrides {
         task: Some("<> b".into()),
         weight: Some(1.0),
+        ..Overrides::default()
     };
     let s = Scenario::check(&spec, None, &overrides).unwrap();
     assert_eq!((s.task.as_str(), s.weight), ("<> b", 1.0));

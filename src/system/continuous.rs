@@ -11,6 +11,7 @@ use smallvec::SmallVec;
 
 use super::{Landmark, Leg, Spot, TransitionSystem};
 use crate::alphabet::{Alphabet, Letter, LetterSet};
+use crate::number::Brief;
 use crate::random::Random;
 use crate::workspace::visibility::{PathsTo, VisibilityGraph};
 use crate::workspace::{Bounds, Place, Polygon, Workspace};
@@ -25,7 +26,7 @@ const MAX_KEPT: usize = 4 << 20;
 #[non_exhaustive]
 pub enum StartError {
     /// Beyond the bounds, or not a number.
-    #[error("the start ({x}, {y}) lies outside the bounds of the workspace: move it inside")]
+    #[error("the start ({}, {}) lies outside the bounds of the workspace: move it inside", Brief(*x), Brief(*y))]
     Outside {
         /// Its x coordinate.
         x: f64,

@@ -12,6 +12,7 @@ use nalgebra::{Point2, Vector2};
 
 use super::{Landmark, Leg, Spot, TransitionSystem};
 use crate::alphabet::{Alphabet, Letter, LetterSet, Props};
+use crate::number::Brief;
 use crate::random::{Random, choose};
 use crate::workspace::{Bounds, Place, Workspace};
 
@@ -38,7 +39,7 @@ pub enum GridError {
     },
     /// The cells do not cover the map.
     #[error(
-        "{columns} × {rows} cells of side {cell} do not cover the map of {width} × {height}: expected columns · side = width and rows · side = height"
+        "{columns} × {rows} cells of side {} do not cover the map of {} × {}: expected columns · side = width and rows · side = height", Brief(*cell), Brief(*width), Brief(*height)
     )]
     Extent {
         /// Cells along x.
@@ -53,7 +54,7 @@ pub enum GridError {
         height: f64,
     },
     /// The start is no cell's centre.
-    #[error("the start ({x}, {y}) is no cell centre: the nearest is ({near_x}, {near_y})")]
+    #[error("the start ({}, {}) is no cell centre: the nearest is ({}, {})", Brief(*x), Brief(*y), Brief(*near_x), Brief(*near_y))]
     OffCentre {
         /// The start's x.
         x: f64,

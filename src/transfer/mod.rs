@@ -1,5 +1,6 @@
 //! Transfer planning: skills that are learned once and reused (`transfer-planning.md`).
 
+mod beyond_repair;
 mod build;
 mod goals;
 mod learn;
@@ -16,6 +17,7 @@ mod skill;
 mod subtasks;
 mod suffix;
 
+pub use beyond_repair::BeyondRepair;
 pub use build::{BuildProgress, BuildSampler, BuildSettings, Built, build};
 pub use learn::learn;
 pub use library::{

@@ -9,6 +9,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::beyond_repair::BeyondRepair;
 use super::rounds::task_along;
 use crate::automaton::{Distances, Nba, StateId, Task, Transition};
 use crate::plan::{Cost, Path, Waypoint};
@@ -32,8 +33,8 @@ pub enum Replanned {
     Unchanged(Repair),
     /// Its broken segments were replaced.
     Repaired(Repair),
-    /// It cannot be repaired: the mission must be planned anew.
-    Hopeless,
+    /// It cannot be repaired, for this reason: the mission must be planned anew.
+    Hopeless(BeyondRepair),
 }
 
 /// A plan that holds in the changed environment as far as its moves and its automaton run go.
@@ -72,8 +73,9 @@ pub fn replan(problem: &Problem, plan: &Path, settings: &Settings) -> Replanned 
         segments: 0,
         samples: 0,
     };
-    let Some(path) = repairer.repair(plan) else {
-        return Replanned::Hopeless;
+    let path = match repairer.repair(plan) {
+        Ok(path) => path,
+        Err(why) => return Replanned::Hopeless(why),
     };
     let length = |points: &[Waypoint]| -> f64 {
         let legs = points.windows(2);
@@ -104,25 +106,34 @@ struct Repairer<'a> {
 }
 
 impl Repairer<'_> {
-    fn repair(&mut self, plan: &Path) -> Option<Path> {
+    fn repair(&mut self, plan: &Path) -> Result<Path, BeyondRepair> {
+        let (Some(first), Some(last)) = (plan.prefix.first(), plan.suffix.last()) else {
+            return Err(BeyondRepair::Empty);
+        };
         // A robot that stands elsewhere needs another prefix, and perhaps another plan.
-        plan.prefix
-            .first()
-            .filter(|w| w.at == self.problem.start.at)?;
-        let plan = with_states(self.problem, plan)?;
+        let (begins, stands) = (first.at, self.problem.start.at);
+        if begins != stands {
+            return Err(BeyondRepair::Start { begins, stands });
+        }
+        if plan.suffix.len() == 1 && self.spot(last).is_none() {
+            return Err(BeyondRepair::Stay(last.at));
+        }
+        let plan = with_states(self.problem, plan).ok_or(BeyondRepair::Word)?;
         if plan.suffix.len() == 1 {
             let prefix = self.repair_part(&plan.prefix, false)?;
             let suffix = plan.suffix;
-            return Some(Path { prefix, suffix });
+            return Ok(Path { prefix, suffix });
         }
-        let (prefix, cycle) = self.enter_elsewhere(plan)?;
+        let entered = self.enter_elsewhere(plan);
+        let (prefix, cycle) = entered.ok_or(BeyondRepair::Loop)?;
         let prefix = self.repair_part(&prefix, false)?;
         let cycle = self.repair_part(&cycle, true)?;
         let accepts = |w: &Waypoint| self.problem.task.nba.is_accepting(w.state);
-        cycle.iter().any(accepts).then_some(Path {
-            prefix,
-            suffix: cycle,
-        })
+        if !cycle.iter().any(accepts) {
+            return Err(BeyondRepair::Acceptance);
+        }
+        let suffix = cycle;
+        Ok(Path { prefix, suffix })
     }
 
     /// The plan with the suffix beginning at a point that is still free: the point itself if it is.
@@ -153,10 +164,13 @@ impl Repairer<'_> {
     }
 
     /// Replaces the broken segments of a prefix, or of a cycle that has to stay accepting.
-    fn repair_part(&mut self, points: &[Waypoint], cycle: bool) -> Option<Vec<Waypoint>> {
+    fn repair_part(
+        &mut self,
+        points: &[Waypoint],
+        cycle: bool,
+    ) -> Result<Vec<Waypoint>, BeyondRepair> {
         let nba = &self.problem.task.nba;
         let last = points.len() - 1;
-        self.spot(&points[last])?;
         let mut done = vec![points[0]];
         let mut i = 0;
         while i < last {
@@ -177,12 +191,12 @@ impl Repairer<'_> {
                 let path = self.connect(&points[i..=k], must_accept)?;
                 Some((k, path))
             });
-            let (k, path) = found?;
+            let (k, path) = found.ok_or(BeyondRepair::Segment(points[i].at))?;
             self.segments += 1;
             done.extend(&path[1..]);
             i = k;
         }
-        Some(done)
+        Ok(done)
     }
 
     /// A new way from the first to the last of these waypoints, in the sub-automaton B' of their

@@ -23,6 +23,7 @@ use nalgebra::Point2;
 use smallvec::SmallVec;
 
 use crate::alphabet::{Alphabet, AlphabetError, Letter, Props};
+use crate::number::Brief;
 use crate::random::Random;
 use index::PolygonIndex;
 
@@ -52,6 +53,12 @@ impl Bounds {
             min: Point2::new(0.0, 0.0),
             max: Point2::new(1.0, 1.0),
         }
+    }
+
+    /// Whether they share more than border points with the rectangle that has these corners.
+    #[must_use]
+    pub fn meet(&self, min: Point2<f64>, max: Point2<f64>) -> bool {
+        min.x < self.max.x && max.x > self.min.x && min.y < self.max.y && max.y > self.min.y
     }
 
     /// The extent along x, in map units.
@@ -131,7 +138,7 @@ impl Place {
 pub enum WorkspaceError {
     /// The bounds are empty, inverted, not finite or beyond [`MAX_COORDINATE`].
     #[error(
-        "bounds [{min_x}, {min_y}] to [{max_x}, {max_y}] are not a rectangle: give the lower-left corner first, finite, each side longer than 0, coordinates within ±{MAX_COORDINATE:e}"
+        "bounds [{}, {}] to [{}, {}] are not a rectangle: give the lower-left corner first, finite, each side longer than 0, coordinates within ±{MAX_COORDINATE:e}", Brief(*min_x), Brief(*min_y), Brief(*max_x), Brief(*max_y)
     )]
     BadBounds {
         /// Lowest x.

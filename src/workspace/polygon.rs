@@ -3,6 +3,7 @@
 use nalgebra::Point2;
 
 use super::MAX_COORDINATE;
+use crate::number::Brief;
 
 /// Where a point lies with respect to an open polygon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,7 +22,7 @@ pub enum Side {
 pub enum PolygonError {
     /// A coordinate is too large.
     #[error(
-        "vertex {index} is ({x}, {y}): coordinates must lie within ±{max:e}",
+        "vertex {index} is ({}, {}): coordinates must lie within ±{max:e}", Brief(*x), Brief(*y),
         max = super::MAX_COORDINATE
     )]
     TooFar {

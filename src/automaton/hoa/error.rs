@@ -92,18 +92,17 @@ impl HoaError {
         }
     }
 
+    /// The bytes of [`source`](Self::source) that are to blame.
+    pub(crate) fn place(&self) -> Range<usize> {
+        let chars = self.source.chars().take(self.column - 1);
+        let before: usize = chars.map(char::len_utf8).sum();
+        let after = (before + self.span.len()).min(self.source.len());
+        before..after.max(before)
+    }
+
     /// Shows the line with carets under the place; `path` is the file it came from, if any.
     #[must_use]
     pub fn render(&self, path: Option<&str>, color: bool) -> String {
-        let before: usize = self
-            .source
-            .chars()
-            .take(self.column - 1)
-            .map(char::len_utf8)
-            .sum();
-        let after = (before + self.span.len())
-            .min(self.source.len())
-            .max(before);
         let source = if self.source.is_empty() {
             " "
         } else {
@@ -113,7 +112,7 @@ impl HoaError {
         let snippet = Snippet::source(source)
             .line_start(self.line)
             .path(path)
-            .annotation(AnnotationKind::Primary.span(before..after));
+            .annotation(AnnotationKind::Primary.span(self.place()));
         let renderer = if color {
             Renderer::styled()
         } else {

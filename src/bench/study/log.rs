@@ -31,10 +31,20 @@ pub enum LogError {
     },
     /// The folder holds the results of another study.
     #[error(
-        "{path}: holds results of other settings, networks or another version: choose another folder, or remove it first"
+        "{path}: holds results of other settings, networks or another version ({}): choose another folder, or remove it first", differences.join("; ")
     )]
     Other {
         /// The log.
+        path: PathBuf,
+        /// What differs: the setting, its value there and the one wanted.
+        differences: Vec<String>,
+    },
+    /// The folder holds a report, and not what it was made from.
+    #[error(
+        "{path}: is of no run that could be continued here: choose another folder, or remove it first"
+    )]
+    Foreign {
+        /// A file of the report.
         path: PathBuf,
     },
     /// A line is no record.
@@ -79,6 +89,10 @@ impl StudyFolder {
         let header = header(study);
         let (kept, sound) = read(&file, &text, &header)?;
         if sound == 0 {
+            let report = super::folder::REPORT_FILES.map(|name| path.join(name));
+            if let Some(path) = report.into_iter().find(|file| file.exists()) {
+                return Err(LogError::Foreign { path });
+            }
             let mut line = header.to_string();
             line.push('\n');
             write_atomically(&file, line.as_bytes()).map_err(io_error(&file))?;
@@ -167,6 +181,7 @@ fn read(path: &Path, text: &[u8], header: &Value) -> Result<(Kept, usize), LogEr
             if found != *header {
                 return Err(LogError::Other {
                     path: path.to_owned(),
+                    differences: differences(&found, header),
                 });
             }
         } else {
@@ -176,6 +191,57 @@ fn read(path: &Path, text: &[u8], header: &Value) -> Result<(Kept, usize), LogEr
         sound += line.len();
     }
     Ok((kept, sound))
+}
+
+/// What tells two headers apart, each setting once: `settings.iterations 5000, now 2000`.
+fn differences(there: &Value, here: &Value) -> Vec<String> {
+    let mut found = Vec::new();
+    compare("", there, here, &mut found);
+    let mut told: Vec<String> = Vec::new();
+    for (name, values) in found {
+        // The searches that go on share most settings with the others, and their marks follow from the settings.
+        let name = name
+            .strip_prefix("comparison.")
+            .or(name.strip_prefix("costs."))
+            .unwrap_or(&name);
+        let known = format!("{name} ");
+        if name != "marks" && !told.iter().any(|t| t.starts_with(&known)) {
+            told.push(known + &values);
+        }
+    }
+    told
+}
+
+/// A value as a user would write it.
+fn text(value: &Value) -> String {
+    match value {
+        Value::Null => "none".to_owned(),
+        Value::String(text) => text.clone(),
+        Value::Array(items) => items.iter().map(text).collect::<Vec<_>>().join(","),
+        Value::Object(members) => members.values().map(text).collect::<Vec<_>>().join(" "),
+        other => other.to_string(),
+    }
+}
+
+/// Adds where two values differ, member by member: the name and both values.
+fn compare(name: &str, there: &Value, here: &Value, found: &mut Vec<(String, String)>) {
+    let (Some(a), Some(b)) = (there.as_object(), here.as_object()) else {
+        if there != here {
+            let values = format!("{}, now {}", text(there), text(here));
+            found.push((name.to_owned(), values));
+        }
+        return;
+    };
+    let only_here = b.keys().filter(|&key| !a.contains_key(key));
+    for key in a.keys().chain(only_here) {
+        let name = match name {
+            "" => key.clone(),
+            outer => format!("{outer}.{key}"),
+        };
+        let value = |object: &serde_json::Map<String, Value>| object.get(key).cloned();
+        let [there, here] = [a, b].map(|object| value(object).unwrap_or_default());
+        compare(&name, &there, &here, found);
+    }
 }
 
 pub(super) fn io_error(path: &Path) -> impl Fn(io::Error) -> LogError + use<> {

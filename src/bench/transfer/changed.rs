@@ -182,7 +182,7 @@ impl Case<'_> {
                 runs.repaired += 1;
                 (repair.path, repair.cost)
             }
-            Replanned::Hopeless => {
+            Replanned::Hopeless(_) => {
                 runs.anew += 1;
                 let system = &*problem.system;
                 let loaded = self.library.to_file(&*self.problem.system).bind(system);

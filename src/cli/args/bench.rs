@@ -101,6 +101,7 @@ pub(in crate::cli) struct BenchMissionArgs {
         long,
         value_name = "N",
         default_value_t = 240,
+        value_parser = clap::value_parser!(u64).range(1..),
         conflicts_with = "scenarios"
     )]
     pub(in crate::cli) missions: u64,
@@ -124,7 +125,7 @@ pub(in crate::cli) struct BenchMissionArgs {
 pub(in crate::cli) struct BenchCostArgs {
     /// Search on to the last iteration (or second, see --time-limit) and report how near the cost comes
     /// to the exact planner's plan, and when; one run of each sampler
-    #[arg(long, group = "follows")]
+    #[arg(long, group = "follows", conflicts_with = "trials")]
     pub(in crate::cli) gaps: bool,
     /// With --out: iterations of the searches that go on, one of each sampler; 0 leaves them out. With --gaps,
     /// --iterations says it

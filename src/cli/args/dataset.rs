@@ -39,7 +39,7 @@ pub(in crate::cli) struct GenerateArgs {
     #[arg(long, value_name = "DIR")]
     pub(in crate::cli) out: PathBuf,
     /// How many missions to draw, six on each map, rounded up to whole maps
-    #[arg(long, value_name = "N", default_value_t = 6000)]
+    #[arg(long, value_name = "N", default_value_t = 6000, value_parser = clap::value_parser!(u64).range(1..))]
     pub(in crate::cli) missions: u64,
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]

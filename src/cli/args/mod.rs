@@ -148,6 +148,9 @@ pub(super) struct MissionArgs {
     /// Another mission for this map
     #[arg(long, value_name = "FORMULA")]
     pub(super) task: Option<String>,
+    /// The file that the other mission was read from, for errors
+    #[arg(skip)]
+    pub(super) task_of: Option<PathBuf>,
     /// Another weight of the prefix in the cost, from 0 to 1
     #[arg(long, value_name = "LAMBDA")]
     pub(super) weight: Option<f64>,
@@ -323,10 +326,11 @@ pub(super) struct LimitArgs {
     #[arg(
         long,
         value_name = "S",
-        default_value_t = 10,
+        default_value = "10",
+        value_parser = duration,
         help_heading = "Translation"
     )]
-    pub(super) max_translation: u32,
+    pub(super) max_translation: Duration,
 }
 
 impl From<&LimitArgs> for Limits {
@@ -334,9 +338,16 @@ impl From<&LimitArgs> for Limits {
         Self {
             states: args.max_states,
             transitions: args.max_transitions,
-            time: Some(Duration::from_secs(args.max_translation.into())),
+            time: Some(args.max_translation),
         }
     }
+}
+
+/// Seconds, with or without a fraction.
+fn duration(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok();
+    let found = seconds.and_then(|s| Duration::try_from_secs_f64(s).ok());
+    found.ok_or_else(|| "expected seconds from 0 up, as in 0.5".to_owned())
 }
 
 /// How to print an automaton.
@@ -384,7 +395,7 @@ pub(super) struct DevicesArgs {}
 #[derive(Debug, Subcommand)]
 pub(super) enum ModelCommand {
     /// Show a weight file: configuration, tensors, size, training record
-    #[command(after_help = "Example:\n  nngtl model show models/pathnet.safetensors")]
+    #[command(after_help = "Example:\n  nngtl model show models/compact")]
     Show {
         /// The weight file, or a folder of two
         #[arg(value_name = "FILE")]

@@ -41,10 +41,10 @@ pub(in crate::cli) struct LibraryBuildArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(in crate::cli) seed: u64,
     /// Places to sample at most; each is offered to every subtree
-    #[arg(long, value_name = "N", default_value_t = BuildSettings::default().samples)]
+    #[arg(long, value_name = "N", default_value_t = BuildSettings::default().samples, value_parser = clap::value_parser!(u64).range(1..))]
     pub(in crate::cli) samples: u64,
     /// End once all subtrees together hold so many product states
-    #[arg(long, value_name = "N", default_value_t = BuildSettings::default().nodes)]
+    #[arg(long, value_name = "N", default_value_t = BuildSettings::default().nodes, value_parser = clap::value_parser!(u64).range(1..))]
     pub(in crate::cli) nodes: u64,
     /// Draw map and skills as SVG
     #[arg(long, value_name = "FILE.svg")]

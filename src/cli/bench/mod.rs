@@ -161,6 +161,13 @@ fn in_folder(
         })
         .map_err(|e| failed(&e))?;
     bar.finish_and_clear();
+    if folder.kept() > 0 {
+        console.note(&format!(
+            "the report is of these {} missions; {} more, measured before, stay in its log",
+            findings.done,
+            folder.kept()
+        ));
+    }
     folder
         .write(study, &findings, &Machine::here(devices), &command())
         .map_err(|e| failed(&e))?;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::args::BenchInferenceArgs;
+use super::args::{BenchInferenceArgs, DeviceName};
 use super::bench::missions;
 use super::console::Console;
 use super::failure::Failure;
@@ -28,6 +28,8 @@ pub(super) fn run(args: &BenchInferenceArgs, console: &Console) -> Result<(), Fa
     let networks = networks(args, console)?;
     let devices: Vec<BenchDevice> = match args.device {
         None => BenchDevice::present(),
+        // Without waking drivers, some of which have much to say.
+        Some(DeviceName::Cpu) => vec![BenchDevice::Cpu],
         Some(name) => {
             let wanted = DeviceChoice::from(name).to_string();
             let mut present = BenchDevice::present();

@@ -1,6 +1,5 @@
 //! Transfer planning: skills that are learned once and reused (`transfer-planning.md`).
 
-mod beyond_repair;
 mod build;
 mod goals;
 mod learn;
@@ -17,7 +16,6 @@ mod skill;
 mod subtasks;
 mod suffix;
 
-pub use beyond_repair::BeyondRepair;
 pub use build::{BuildProgress, BuildSampler, BuildSettings, Built, build};
 pub use learn::learn;
 pub use library::{
@@ -26,6 +24,6 @@ pub use library::{
 pub use optimum::optimum;
 pub use places::{PlaceId, Places};
 pub use plan::{Reused, SubtaskCounts, Transferred, count_subtasks, transfer};
-pub use replan::{Repair, Replanned, replan};
+pub use replan::{BeyondRepair, Repair, Replanned, replan};
 pub use skill::{Skill, SkillError};
 pub use subtasks::{Endpoint, Equivalence, Position, Subtask, SubtaskGraph};

@@ -6,16 +6,24 @@
 //! admits no path, or whose far end cannot be reached any more, is widened, and in the end the
 //! mission is planned anew; a repaired suffix must still pass an accepting state.
 
+mod beyond_repair;
+mod run;
+mod segment;
+
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::beyond_repair::BeyondRepair;
 use super::rounds::task_along;
-use crate::automaton::{Distances, Nba, StateId, Task, Transition};
+use crate::automaton::Task;
 use crate::plan::{Cost, Path, Waypoint};
 use crate::planner::{Aim, NodeId, Problem, Sampler, Settings, Tree, View};
 use crate::random::{Random, generator};
 use crate::system::{Leg, Spot, TransitionSystem};
+
+pub use beyond_repair::BeyondRepair;
+pub(super) use run::has_run;
+use run::with_states;
+use segment::SubAutomaton;
 
 /// Samples for one attempt at a segment; most need none beyond the turns of the shortest way.
 const SAMPLES: usize = 300;
@@ -282,230 +290,4 @@ fn closing(
         .filter(reaches)
         .min_by(|a, b| cost(a).total_cmp(&cost(b)).then(a.cmp(b)))
         .copied()
-}
-
-/// B': the states of a segment with the transitions between them; in two layers, before and after the
-/// first accepting state, if the segment has to pass one.
-struct SubAutomaton {
-    task: Task,
-    /// The full automaton's states, by this one's.
-    states: Vec<StateId>,
-    first: StateId,
-    last: StateId,
-}
-
-impl SubAutomaton {
-    fn new(nba: &Nba, segment: &[Waypoint], accepting: bool) -> Self {
-        let mut used: Vec<StateId> = segment.iter().map(|w| w.state).collect();
-        used.sort_unstable();
-        used.dedup();
-        let count = used.len();
-        let layers = if accepting { 2 } else { 1 };
-        let number = |q: StateId| used.binary_search(&q).unwrap_or(0);
-        // A state that accepts is in the second layer, and so is everything after it.
-        let enter = |layer: usize, q: StateId| match accepting {
-            true if layer == 1 || nba.is_accepting(q) => 1,
-            _ => 0,
-        };
-        let mut transitions = Vec::with_capacity(layers * count);
-        for layer in 0..layers {
-            for &q in &used {
-                let row = nba.outgoing(q).iter();
-                let inner = row.filter(|t| used.binary_search(&t.target).is_ok());
-                let mut row: Vec<Transition> = inner
-                    .map(|t| Transition {
-                        target: StateId((enter(layer, t.target) * count + number(t.target)) as u32),
-                        guard: t.guard.clone(),
-                    })
-                    .collect();
-                row.sort_by_key(|t| t.target);
-                transitions.push(row);
-            }
-        }
-        let (from, to) = (segment[0].state, segment[segment.len() - 1].state);
-        let first = StateId((enter(0, from) * count + number(from)) as u32);
-        let last = StateId(((layers - 1) * count + number(to)) as u32);
-        let small = Nba {
-            alphabet: Arc::clone(&nba.alphabet),
-            initial: vec![first],
-            accepting: (0..layers * count).map(|i| i == last.index()).collect(),
-            transitions,
-        };
-        let mut states = used.clone();
-        states.extend((1..layers).flat_map(|_| used.iter().copied()));
-        Self {
-            task: Task {
-                distances: Distances::new(&small),
-                feasible: vec![last],
-                formula: None,
-                nba: small,
-            },
-            states,
-            first,
-            last,
-        }
-    }
-
-    /// The path to a node and on to the end of the segment, in the full automaton's states.
-    fn path(&self, tree: &Tree<'_>, node: NodeId, to: &Waypoint) -> Vec<Waypoint> {
-        let mut path: Vec<Waypoint> = tree
-            .path(node)
-            .into_iter()
-            .map(|w| Waypoint {
-                state: self.states[w.state.index()],
-                ..w
-            })
-            .collect();
-        path.push(*to);
-        path
-    }
-}
-
-/// Whether the mission's automaton has an accepting run along a plan, one round for each of the plan's.
-pub(super) fn has_run(problem: &Problem, plan: &Path) -> bool {
-    with_states(problem, plan).is_some()
-}
-
-/// The plan with automaton states that are an accepting run: those it has if they are, else others, if
-/// there are any. Letters are those that the changed map shows at free points; points under new
-/// obstacles had no region.
-fn with_states(problem: &Problem, plan: &Path) -> Option<Path> {
-    if plan.prefix.is_empty() || plan.suffix.is_empty() {
-        return None;
-    }
-    let run = Run::new(problem, plan)?;
-    if run.is_accepting_run(plan) {
-        return Some(plan.clone());
-    }
-    run.find(plan)
-}
-
-/// The word of a plan, and the automaton that reads it.
-struct Run<'a> {
-    task: &'a Task,
-    prefix: Vec<crate::alphabet::LetterSet>,
-    suffix: Vec<crate::alphabet::LetterSet>,
-    initial: &'a [StateId],
-}
-
-impl<'a> Run<'a> {
-    fn new(problem: &'a Problem, plan: &Path) -> Option<Self> {
-        let alphabet = problem.system.alphabet();
-        let outside = alphabet.filter(crate::alphabet::Props::is_empty);
-        let read = |w: &Waypoint| match problem.system.settle(w.at) {
-            Some(spot) => {
-                let mut only = alphabet.none();
-                only.insert(spot.letter);
-                only
-            }
-            None => outside.clone(),
-        };
-        let legs = |points: &[Waypoint]| -> Vec<_> {
-            points[..points.len() - 1].iter().map(read).collect()
-        };
-        let mut suffix = legs(&plan.suffix);
-        if suffix.is_empty() {
-            suffix.push(read(&plan.suffix[0]));
-        }
-        Some(Self {
-            task: &problem.task,
-            prefix: legs(&plan.prefix),
-            suffix,
-            initial: &problem.task.nba.initial,
-        })
-    }
-
-    fn steps(&self, from: StateId, letters: &crate::alphabet::LetterSet, to: StateId) -> bool {
-        let known = from.index() < self.task.nba.len() && to.index() < self.task.nba.len();
-        let guard = known.then(|| self.task.nba.guard(from, to)).flatten();
-        guard.is_some_and(|g| letters.is_subset(g))
-    }
-
-    fn is_accepting_run(&self, plan: &Path) -> bool {
-        let follows = |points: &[Waypoint], letters: &[crate::alphabet::LetterSet]| {
-            let mut legs = points.windows(2).zip(letters);
-            legs.all(|(w, l)| self.steps(w[0].state, l, w[1].state))
-        };
-        let (first, end) = (
-            plan.prefix[0].state,
-            plan.prefix[plan.prefix.len() - 1].state,
-        );
-        let closes = match plan.suffix.as_slice() {
-            [w] => w.state == end && self.stays(w.state),
-            points => points[0].state == end && points[points.len() - 1].state == end,
-        };
-        let accepts = |w: &Waypoint| self.task.feasible.binary_search(&w.state).is_ok();
-        self.initial.contains(&first)
-            && closes
-            && follows(&plan.prefix, &self.prefix)
-            && (plan.suffix.len() == 1 || follows(&plan.suffix, &self.suffix))
-            && plan.suffix.iter().any(accepts)
-    }
-
-    /// Whether the automaton can go on accepting from a state on the suffix's single letter.
-    fn stays(&self, state: StateId) -> bool {
-        self.reach(&[state], &self.suffix)
-            .last()
-            .is_some_and(|layer| layer.iter().any(|&(q, _)| q == state))
-    }
-
-    /// For each letter read, the states that can follow, each with its predecessor's number.
-    fn reach(
-        &self,
-        from: &[StateId],
-        letters: &[crate::alphabet::LetterSet],
-    ) -> Vec<Vec<(StateId, usize)>> {
-        let mut layers = vec![from.iter().map(|&q| (q, 0)).collect::<Vec<_>>()];
-        for set in letters {
-            let before = &layers[layers.len() - 1];
-            let mut layer: Vec<(StateId, usize)> = Vec::new();
-            for (i, &(q, _)) in before.iter().enumerate() {
-                for t in self.task.nba.outgoing(q) {
-                    if set.is_subset(&t.guard) && layer.iter().all(|&(s, _)| s != t.target) {
-                        layer.push((t.target, i));
-                    }
-                }
-            }
-            layers.push(layer);
-        }
-        layers
-    }
-
-    /// An accepting run with one round of the suffix for each round of the automaton.
-    fn find(&self, plan: &Path) -> Option<Path> {
-        let forward = self.reach(self.initial, &self.prefix);
-        let ends = forward.last()?;
-        let accepting = |q: &StateId| self.task.feasible.binary_search(q).is_ok();
-        for (i, &(q, _)) in ends.iter().enumerate() {
-            let prefix = assign(&plan.prefix, &forward, i);
-            if plan.suffix.len() == 1 {
-                if accepting(&q) && self.stays(q) {
-                    let suffix = vec![prefix[prefix.len() - 1]];
-                    return Some(Path { prefix, suffix });
-                }
-                continue;
-            }
-            let around = self.reach(&[q], &self.suffix);
-            let back = around.last()?.iter().position(|&(s, _)| s == q);
-            let Some(back) = back else { continue };
-            let suffix = assign(&plan.suffix, &around, back);
-            if suffix.iter().any(|w| accepting(&w.state)) {
-                return Some(Path { prefix, suffix });
-            }
-        }
-        None
-    }
-}
-
-/// The points with the states of the run that ends in entry `end` of the last layer.
-fn assign(points: &[Waypoint], layers: &[Vec<(StateId, usize)>], end: usize) -> Vec<Waypoint> {
-    let mut states = Vec::with_capacity(layers.len());
-    let mut i = end;
-    for layer in layers.iter().rev() {
-        let (q, parent) = layer[i];
-        states.push(q);
-        i = parent;
-    }
-    let with = |(w, &state): (&Waypoint, &StateId)| Waypoint { at: w.at, state };
-    points.iter().zip(states.iter().rev()).map(with).collect()
 }

@@ -97,7 +97,11 @@ impl<'a> Mission<'a> {
                 .into_iter()
                 .for_each(&mut keep);
         }
-        let (path, cost) = best.ok_or(Infeasible::Stutter)?;
+        let best = best.ok_or(Infeasible::Stutter)?;
+        let (path, cost) = match config.sweeps {
+            0 => best,
+            _ => self.look_around(&shortener, best),
+        };
         Ok(ExactPlan::new(path, cost))
     }
 

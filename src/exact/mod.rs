@@ -11,6 +11,7 @@
 //! The planner is deterministic and knows nothing of sampling-based planners, which never ask it:
 //! it stands on its own, as the expert that labels training data and as a reference for costs.
 
+mod around;
 mod bound;
 mod cycles;
 mod mission;

@@ -165,7 +165,7 @@ impl<'w> Roadmap<'w> {
 impl Node {
     /// Whether a shortest path that bends here may come from `other`: at a corner only along a
     /// line with all of the corner on one side.
-    fn may_bend_towards(&self, other: Point2<f64>) -> bool {
+    pub(super) fn may_bend_towards(&self, other: Point2<f64>) -> bool {
         self.corner.is_none_or(|corner| {
             let d = other - self.at;
             let slack = 1e-9 * d.norm();

@@ -12,7 +12,7 @@ use crate::plan::Path;
 pub(super) const MIN_WEIGHT: f64 = 1e-3;
 
 /// How much of the way to the best place is tried where the whole of it is blocked.
-const PARTS: [f64; 4] = [1.0, 0.5, 0.25, 0.0625];
+pub(super) const PARTS: [f64; 4] = [1.0, 0.5, 0.25, 0.0625];
 
 /// How many places are tried for a waypoint, best first.
 const TRIES: usize = 6;
@@ -39,7 +39,7 @@ pub(super) type Word = Vec<u16>;
 
 /// The point at the other end of a leg, with the leg's share of the cost.
 type Neighbour = (Point2<f64>, f64);
-type Neighbours = SmallVec<[Neighbour; 3]>;
+pub(super) type Neighbours = SmallVec<[Neighbour; 3]>;
 
 impl Chain {
     /// The points of a plan, without waits.
@@ -103,6 +103,7 @@ impl Shortener<'_> {
             let mut moved = false;
             let mut i = 1;
             while i < chain.points.len() {
+                moved |= self.shift(chain, i);
                 let here = (chain.points[i], self.neighbours(chain, i));
                 if still.contains(&here) {
                     i += 1;
@@ -136,7 +137,7 @@ impl Shortener<'_> {
 
     /// The points before and after `i`, with the weights of the segments to them. The prefix's last
     /// point has three neighbours where the suffix moves.
-    fn neighbours(&self, chain: &Chain, i: usize) -> Neighbours {
+    pub(super) fn neighbours(&self, chain: &Chain, i: usize) -> Neighbours {
         let prefix = self.weight.max(MIN_WEIGHT);
         let suffix = (1.0 - self.weight).max(MIN_WEIGHT);
         let points = &chain.points;

@@ -17,6 +17,7 @@ mod enter;
 mod follow;
 mod pull;
 mod reorder;
+mod shift;
 mod word;
 
 use std::cell::RefCell;

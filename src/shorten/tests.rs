@@ -106,6 +106,27 @@ fn visits_slide_along_borders_to_the_mirror_point() {
     assert!((cost.prefix - best).abs() < 1e-5, "{} {best}", cost.prefix);
 }
 
+/// The waypoints on both sides of the border hold each other unless they move together.
+#[test]
+fn visits_that_touch_a_border_slide_along_it() {
+    let map = map(&[], &[rectangle(0.7, 0.2, 0.9, 0.8)]);
+    let start = p(0.3, 0.5);
+    let (inside, outside) = (p(0.700_002, 0.71), p(0.699_998, 0.71));
+    // Into the region and out again, to stay: nearest straight ahead.
+    let left = path(&[start, inside, outside], &[outside]);
+    let cost = shorten(&map, "F l1 & FG !l1", &left, 1.0);
+    assert!((cost.total - 0.4).abs() < 1e-4, "{cost:?}");
+    // In and out for ever, entered at one of the two.
+    let ring = path(&[start, outside], &[outside, inside, outside]);
+    let cost = shorten(&map, "GF l1 & GF !l1", &ring, 0.5);
+    assert!((cost.prefix - 0.4).abs() < 1e-4, "{cost:?}");
+    assert!(cost.suffix < 1e-4, "{cost:?}");
+    // Not beyond the end of the border.
+    let low = path(&[p(0.3, 0.1), inside, outside], &[outside]);
+    let cost = shorten(&map, "F l1 & FG !l1", &low, 1.0);
+    assert!((cost.total - 0.4_f64.hypot(0.1)).abs() < 1e-4, "{cost:?}");
+}
+
 #[test]
 fn avoided_regions_are_gone_round() {
     let map = map(

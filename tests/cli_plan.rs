@@ -92,6 +92,13 @@ fn a_plan_that_was_tampered_with_is_refused_with_the_reason() {
         run.err.contains("G!l3") && run.err.contains("{l3}"),
         "{run:?}"
     );
+    // The same map, another mission.
+    assert!(!run.err.contains("made for another"), "{run:?}");
+    // The same mission, another start.
+    let text = std::fs::read_to_string(shipped("case-study.toml")).unwrap();
+    let moved = folder.path().join("moved.toml");
+    std::fs::write(&moved, text.replacen("start = [0.12,", "start = [0.13,", 1)).unwrap();
+    let run = nngtl(&["verify", &moved.display().to_string(), &path]);
     assert!(run.err.contains("made for another scenario"), "{run:?}");
 }
 
@@ -222,8 +229,8 @@ fn short_searches_do_not_wait_for_the_networks() {
         object["plan"]["sampler"].as_str().unwrap().to_owned()
     };
     assert_eq!(sampler(&["--first"]), "directed");
-    assert_eq!(sampler(&["--iterations", "200"]), "directed");
-    assert_eq!(sampler(&["--iterations", "201"]), "guided");
+    assert_eq!(sampler(&["--iterations", "100"]), "directed");
+    assert_eq!(sampler(&["--iterations", "101"]), "guided");
     assert_eq!(sampler(&[]), "guided");
     assert_eq!(sampler(&["--first", "--sampler", "guided"]), "guided");
 }

@@ -22,7 +22,14 @@ RASTER_PATHNET = {
     "output": 200,
 }
 
-COMPACT_PATHNET = {**RASTER_PATHNET, "widths": [24, 48, 96], "stem": 4, "middle": 2}
+COMPACT_PATHNET = {
+    **RASTER_PATHNET,
+    "resolution": 50,
+    "graph": [32] * 6,
+    "widths": [16, 32, 64],
+    "middle": 2,
+    "top": 4,
+}
 
 RASTER_STATENET = {
     "kind": "statenet",
@@ -42,7 +49,7 @@ COMPACT_STATENET = {
     "kind": "statenet",
     "variant": "ways",
     "labels": LABELS,
-    "graph": [64] * 8,
+    "graph": [48] * 8,
     "reverse": True,
     "head": 64,
 }

@@ -226,7 +226,8 @@ def test_draws_by_hand(data_set):
     missions = data.load(data_set[0], configs.get("compact", "pathnet")["network"])
     k = int(np.flatnonzero(np.diff(missions.legs_at) == 1)[0])
     x, y, region = missions.legs[missions.legs_at[k]]
-    inside = np.kron(missions.codes[missions.map[k]] >> (int(region) + 1) & 1, np.ones((2, 2))) == 1
+    factor = 200 // missions.resolution
+    inside = np.kron(missions.codes[missions.map[k]] >> (int(region) + 1) & 1, np.ones((factor, factor))) == 1
     # All weight on the region: the first draw is in it. No weight there: never.
     assert set(metrics._draws(inside.astype(np.float32), missions, k).values()) >= {1.0}
     assert metrics._draws((~inside).astype(np.float32), missions, k)["draws1"] == metrics.CAP

@@ -230,7 +230,7 @@ pub(super) struct SearchArgs {
 /// Where to look next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum SamplerName {
-    /// Directed for 200 samples; the networks, if they fit the mission, guide what comes after
+    /// Directed for 100 samples; the networks, if they fit the mission, guide what comes after
     #[default]
     Auto,
     /// Uniformly over the free space

@@ -18,9 +18,9 @@ pub struct Deferred {
 
 impl Deferred {
     /// After so many samples the built-in networks cannot cost much: on the machine that it was measured on (`docs/guidance.md`),
-    /// encoding and networks take a fifth of the time of so many samples. Most searches on maps like the paper's have found
+    /// encoding and networks take a quarter of the time of so many samples. Most searches on maps like the paper's have found
     /// their best plan long before.
-    pub const WORTH_IT: u64 = 200;
+    pub const WORTH_IT: u64 = 100;
 
     /// Asks after so many samples, once: searches that run side by side share the answer.
     #[must_use]

@@ -69,6 +69,28 @@ fn formulas_that_nothing_satisfies_are_told_apart_from_those_that_this_map_rules
 }
 
 #[test]
+fn a_task_that_is_broken_at_the_start_says_so() {
+    for (task, needs) in [
+        ("a", "wants {a} or {a,inner} at once"),
+        ("!b U inner && inner", "wants {a,inner} at once"),
+        ("[] b", "wants {b} at once"),
+    ] {
+        for sampler in [SamplerChoice::Biased, SamplerChoice::Exact] {
+            let why = failure(task, sampler, 10);
+            let MissionError::Unreachable(found) = &why else {
+                panic!("{task}: {why}");
+            };
+            assert_eq!(found.at_start.as_ref().unwrap().sees, "{}");
+            let text = why.to_string();
+            assert!(text.contains(needs) && text.contains("F, or <>"), "{text}");
+        }
+    }
+    // What comes later is no matter of the start.
+    let why = failure("<> locked", SamplerChoice::Biased, 10);
+    assert!(matches!(why, MissionError::Unreachable(why) if why.at_start.is_none()));
+}
+
+#[test]
 fn walls_are_named_for_every_sampler() {
     for sampler in [SamplerChoice::Biased, SamplerChoice::Exact] {
         let why = failure("<> a && <> locked", sampler, 10);

@@ -329,7 +329,11 @@ fn a_radius_grows_plain_obstacles() {
     assert_eq!(place(0.4, 5.0), Place::Outside);
     assert_eq!(scenario.workspace.obstacle_name(0), "obstacle 1");
     assert!(mission::plan(&scenario, &options(5_000)).is_ok());
-    // The gap of 1.1 m above the wall is too narrow for a robot of 0.6 m radius.
+    // A gap of 1.1 m above the wall is wide enough for a robot of 0.548 m radius.
+    std::fs::write(&path, text.replace("0.5", "0.548")).unwrap();
+    let scenario = Scenario::load(&path).unwrap();
+    assert!(mission::plan(&scenario, &options(5_000)).is_ok());
+    // And too narrow for one of 0.6 m.
     std::fs::write(&path, text.replace("0.5", "0.6")).unwrap();
     let scenario = Scenario::load(&path).unwrap();
     let why = mission::plan(&scenario, &options(5_000)).unwrap_err();

@@ -139,6 +139,7 @@ impl From<MissionError> for Failure {
                     "places": why.places,
                     "through": why.through,
                     "beyond": why.beyond,
+                    "at_start": why.at_start,
                 });
                 Self::negative("unreachable", message).with_details(details)
             }

@@ -8,6 +8,20 @@ use super::failure::{Failure, JSON_VERSION};
 use super::files;
 use crate::mission;
 use crate::plan::PlanFile;
+use crate::scenario::{Overrides, Scenario};
+
+/// Whether a plan was made on this map and from this start, for whatever mission.
+fn made_here(args: &VerifyArgs, plan: &PlanFile, hash: &str) -> bool {
+    let overrides = Overrides {
+        // What stands for the formula where an automaton took its place.
+        task: Some(plan.task.clone().unwrap_or_else(|| "true".to_owned())),
+        weight: plan.weight,
+        ..Overrides::default()
+    };
+    let mission = &args.mission;
+    let same = Scenario::load_with(&mission.scenario, mission.pick.as_deref(), &overrides);
+    same.is_ok_and(|scenario| scenario.hash == hash)
+}
 
 pub(super) fn run(args: &VerifyArgs, console: &Console) -> Result<(), Failure> {
     let mut wanted = args.mission.clone();
@@ -19,7 +33,7 @@ pub(super) fn run(args: &VerifyArgs, console: &Console) -> Result<(), Failure> {
     let plan = PlanFile::read(&args.plan)?;
     if let Some(hash) = &plan.scenario_hash
         && *hash != scenario.hash
-        && args.automaton.is_none()
+        && !made_here(args, &plan, hash)
     {
         console.warn(&format!(
             "{} was made for another scenario, or for another state of this one",

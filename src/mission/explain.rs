@@ -220,6 +220,44 @@ pub struct Unreachable {
     pub through: Vec<String>,
     /// Regions that the task names and that can be reached only like that.
     pub beyond: Vec<String>,
+    /// What the robot sees at its start, if the task allows no beginning there, and what it would have to see.
+    pub at_start: Option<AtStart>,
+}
+
+/// A start at which the task is broken already.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct AtStart {
+    /// The set of regions that the start lies in, as it is printed: `{}`.
+    pub sees: String,
+    /// The sets that the task may begin with, as they are printed.
+    pub needs: Vec<String>,
+}
+
+impl AtStart {
+    fn find(scenario: &Scenario, task: &Task) -> Option<Self> {
+        let sees = scenario.workspace.letter_at(scenario.start)?;
+        let nba = &task.nba;
+        let mut allowed = nba.alphabet.none();
+        for t in nba.initial.iter().flat_map(|&q| nba.outgoing(q)) {
+            allowed.union_with(&t.guard);
+        }
+        (!allowed.contains(sees)).then(|| Self {
+            sees: nba.alphabet.show(sees),
+            needs: allowed.iter().map(|l| nba.alphabet.show(l)).collect(),
+        })
+    }
+
+    fn sentence(&self) -> String {
+        let mut needs: Vec<String> = self.needs.iter().take(NAMED).cloned().collect();
+        if self.needs.len() > needs.len() {
+            needs.push(format!("{} more", self.needs.len() - needs.len()));
+        }
+        format!(
+            "the task wants {} at once, and the robot starts in {} (a border counts as outside); what is to come later is written with F, or <>",
+            needs.join(" or "),
+            self.sees
+        )
+    }
 }
 
 /// A set of regions that holds nowhere that the robot can reach.
@@ -252,6 +290,15 @@ impl Unreachable {
     #[must_use]
     pub fn find(scenario: &Scenario, task: &Task, system: &dyn TransitionSystem) -> Option<Self> {
         let reachable = system.reachable();
+        let at_start = AtStart::find(scenario, task);
+        if at_start.is_some() {
+            return Some(Self {
+                places: Vec::new(),
+                through: Vec::new(),
+                beyond: Vec::new(),
+                at_start,
+            });
+        }
         if accepts(task, reachable) {
             return Self::crossing(scenario, task, system);
         }
@@ -284,6 +331,7 @@ impl Unreachable {
             places: needed.into_iter().map(place).collect(),
             through: Vec::new(),
             beyond: Vec::new(),
+            at_start: None,
         })
     }
 
@@ -295,6 +343,7 @@ impl Unreachable {
             places: Vec::new(),
             through: found.through.iter().map(name).collect(),
             beyond: found.beyond.iter().map(name).collect(),
+            at_start: None,
         })
     }
 
@@ -320,6 +369,9 @@ impl Unreachable {
     }
 
     fn reason(&self) -> String {
+        if let Some(start) = &self.at_start {
+            return start.sentence();
+        }
         if self.places.is_empty() {
             return self.crossing_reason();
         }

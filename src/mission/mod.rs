@@ -39,7 +39,7 @@ use crate::scenario::Scenario;
 use crate::system::{Continuous, Grid, GridError, MapLayout, Spot, StartError, TransitionSystem};
 use crate::verify::{self, Refusal, Verified};
 
-pub use explain::{LetterFact, NotOnThisMap, OutOfReach, Unreachable, Walls};
+pub use explain::{AtStart, LetterFact, NotOnThisMap, OutOfReach, Unreachable, Walls};
 pub use guide::{Prediction, Question, predict, predict_many, predict_with};
 pub use transfer::{Change, build_library, replan_task, transfer_task};
 

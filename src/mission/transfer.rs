@@ -52,8 +52,8 @@ pub fn build_library(
     Ok((built, notice))
 }
 
-/// Plans a mission with a library that is bound to the scenario's map. The sampler `auto` is uniform
-/// sampling, as in the paper: the first plan is made of skills and needs no sample.
+/// Plans a mission with a library that is bound to the scenario's map. The sampler `auto` is directed sampling: where skills
+/// join to a plan no sample is needed for the first one, and where one is missing uniform samples (the paper's) seldom fill the gap.
 ///
 /// # Errors
 /// See [`MissionError`].
@@ -70,7 +70,7 @@ pub fn transfer_task(
     let problem = problem(scenario, Arc::clone(&task))?;
     check_reachable(scenario, &task, &*problem.system)?;
     let chosen = match options.sampler {
-        SamplerChoice::Auto => guide::Chosen::plain(Sampler::Uniform, options.device),
+        SamplerChoice::Auto => guide::Chosen::plain(Sampler::Directed, options.device),
         _ => guide::choose(scenario, &problem, options)?,
     };
     let searched = Instant::now();

@@ -1,6 +1,8 @@
 //! The free space cut into cells of one letter each, by polygon booleans.
 
-use geo::{Area, BooleanOps, BoundingRect, Centroid, Coord, InteriorPoint, LineString};
+use geo::{
+    Area, BooleanOps, BoundingRect, Centroid, Coord, Euclidean, InteriorPoint, Length, LineString,
+};
 use geo::{MultiPolygon, TriangulateEarcut};
 use nalgebra::{Point2, Vector2};
 
@@ -8,8 +10,9 @@ use super::{Bounds, Polygon, Region};
 use crate::alphabet::Props;
 use crate::random::{Random, unit};
 
-/// Parts smaller than this share of the squared map side are rounding of the booleans, not space.
-const MIN_AREA: f64 = 2e-9;
+/// Parts of less area than this share of the map's side times their outline's length, half their width if they are long, are rounding of
+/// the booleans, which work to some 1e-9 of the side, and not space.
+const MIN_WIDTH: f64 = 1e-8;
 
 /// No more corners of a cell than this are singled out.
 const MAX_CORNERS: usize = 16;
@@ -154,7 +157,12 @@ pub(super) fn decompose(
     } else {
         frame.difference(&geo::unary_union(&solid))
     };
-    let smallest = MIN_AREA * bounds.side() * bounds.side();
+    let least = MIN_WIDTH * bounds.side();
+    let is_space = |part: &geo::Polygon<f64>| {
+        let rings = std::iter::once(part.exterior()).chain(part.interiors());
+        let outline: f64 = rings.map(|ring| Euclidean.length(ring)).sum();
+        part.unsigned_area() > least * outline
+    };
     let mut parts = vec![(Props::EMPTY, free)];
     for (i, region) in regions.iter().enumerate() {
         let polygon = to_geo(&region.polygon);
@@ -167,13 +175,16 @@ pub(super) fn decompose(
             next.push((props.with(i), part.intersection(&polygon)));
             next.push((props, part.difference(&polygon)));
         }
-        next.retain(|(_, part)| part.unsigned_area() > smallest);
+        for (_, part) in &mut next {
+            part.0.retain(is_space);
+        }
+        next.retain(|(_, part)| !part.0.is_empty());
         parts = next;
     }
     parts
         .into_iter()
         .flat_map(|(props, part)| part.0.into_iter().map(move |p| (props, p)))
-        .filter(|(_, p)| p.unsigned_area() > smallest)
+        .filter(|(_, p)| is_space(p))
         .collect()
 }
 

@@ -53,6 +53,33 @@ fn only_letters_that_occur_are_letters() {
     assert_eq!(overlapping.cells(b).len(), 2);
 }
 
+/// A landmark of ten centimetres in a city of ten kilometres, and a street as narrow.
+#[test]
+fn small_regions_of_large_maps_can_be_visited_and_crossed() {
+    for side in [1e-3, 1.0, 1e4, 1e6] {
+        let at = |x: f64, y: f64| p(x * side, y * side);
+        let square = |x: f64, y: f64, w: f64, h: f64| {
+            Polygon::rectangle(at(x, y), at(x + w, y + h)).unwrap()
+        };
+        let bounds = Bounds {
+            min: at(0.0, 0.0),
+            max: at(1.0, 1.0),
+        };
+        let regions = vec![
+            region("a", square(0.9, 0.5, 1e-5, 1e-5)),
+            region("street", square(0.1, 0.7, 0.5, 1e-6)),
+        ];
+        let map = Workspace::new(bounds, vec![], regions).unwrap();
+        assert!(map.hidden_regions().is_empty(), "{side}");
+        let inside = at(0.9 + 5e-6, 0.5 + 5e-6);
+        let letter = map.letter_at(inside).unwrap();
+        assert_eq!(map.alphabet().show(letter), "{a}");
+        assert!(map.step(at(0.1, 0.3), inside));
+        let through = map.trace(at(0.3, 0.6), at(0.3, 0.8)).unwrap();
+        assert_eq!(through.len(), 3, "{side}");
+    }
+}
+
 #[test]
 fn traces_name_letters_of_positive_length_only() {
     let m = map(

@@ -98,7 +98,8 @@ pub(in crate::cli) struct LibraryMergeArgs {
 /// Matches the mission's subtasks with skills, joins them to a first plan, and keeps improving until
 /// the budget ends. A library of another map is checked skill by skill and never trusted.
 ///
-/// `--sampler auto` is `uniform` here: the first plan is made of skills and needs no sample.
+/// `--sampler auto` is `directed` here: where skills join to a plan the first one needs no sample, and where one is
+/// missing, directed samples fill the gap (the paper's are `uniform`).
 #[derive(Args, Debug)]
 #[command(
     after_help = "Examples:\n  nngtl transfer scenarios/transfer-grid.jsonl --pick transfer-phi4 --library skills.library --first\n  nngtl transfer scenarios/tl-rrt-star.toml --library skills.library --learn --svg plan.svg"

@@ -144,6 +144,18 @@ fn paths_bend_at_obstacle_corners() {
     assert!((plan.cost.prefix - over).abs() < SLACK, "{:?}", plan.cost);
 }
 
+/// A region that stands where the obstacle does hides none of its corners.
+#[test]
+fn corners_on_the_borders_of_regions_are_bent_at() {
+    let wall = ((0.25, 0.5), (0.75, 0.75));
+    let goal = ((0.0, 0.75), (0.25, 1.0));
+    let map = map(&[wall], &[goal, wall]);
+    let task = visit_all(&map, 1);
+    let plan = solve(&map, point(0.5, 0.5), &task);
+    // Along the wall's lower side and up its left one.
+    assert!((plan.cost.prefix - 0.5).abs() < 2e-3, "{:?}", plan.cost);
+}
+
 #[test]
 fn regions_without_meaning_are_crossed_straight() {
     let map = map(&[], &[((0.8, 0.4), (0.9, 0.6)), ((0.3, 0.2), (0.5, 0.8))]);

@@ -307,6 +307,13 @@ fn scenario_files_point_to_their_map() {
         text.contains("s.toml:2:16: the robot's radius is -1"),
         "{text}"
     );
+    // A setting of another kind of map is not passed over.
+    let text =
+        load("start = [1, 1]\ntask = \"true\"\n[map]\nfile = \"a.map\"\nunknown = \"free\"\n");
+    assert!(
+        text.contains("s.toml:5:11: `unknown` means nothing in maps that end in `.map`"),
+        "{text}"
+    );
     let text =
         load("start = [1, 1]\ntask = \"true\"\n[map]\nfile = \"a.map\"\nunknown = \"maybe\"\n");
     assert!(

@@ -205,13 +205,14 @@ impl<'w> Candidates<'w> {
         all.nodes
     }
 
-    fn add(&mut self, at: Point2<f64>, origin: Props, corner: Option<Corner>) {
+    /// Adds a point, unless it is not free or lies on a region's border; whether it is there now.
+    fn add(&mut self, at: Point2<f64>, origin: Props, corner: Option<Corner>) -> bool {
         let Place::Free {
             letter,
             on_boundary: false,
         } = self.workspace.locate(at)
         else {
-            return;
+            return false;
         };
         let close = self.inset / 4.0;
         let same = |n: &&mut Node| n.letter == letter && (n.at - at).norm() < close;
@@ -225,7 +226,7 @@ impl<'w> Candidates<'w> {
             if corner.is_none() || twin.corner.is_some() {
                 twin.corner = None;
             }
-            return;
+            return true;
         }
         self.nodes.push(Node {
             at,
@@ -233,6 +234,7 @@ impl<'w> Candidates<'w> {
             origin,
             corner,
         });
+        true
     }
 
     fn obstacle_corners(&mut self, obstacle: &Polygon) {
@@ -242,7 +244,11 @@ impl<'w> Candidates<'w> {
                     before: before - at,
                     after: after - at,
                 };
-                self.add(at, Props::EMPTY, Some(corner));
+                if !self.add(at, Props::EMPTY, Some(corner)) {
+                    // A region may have a corner or a side at the same place.
+                    let beside = at - mitre(before, at, after) * self.inset;
+                    self.add(beside, Props::EMPTY, Some(corner));
+                }
             }
         }
     }

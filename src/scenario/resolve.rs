@@ -35,6 +35,15 @@ pub(super) fn resolve(
     let workspace = file.workspace.unwrap_or_default();
     let map = match &file.map {
         Some(map) => {
+            let format = maps::Format::of(Path::new(&map.file));
+            if let Some(name) = format.and_then(|format| map.foreign(format)) {
+                let ending = Path::new(&map.file).extension().unwrap_or_default();
+                let kind = Kind::Syntax(format!(
+                    "`{name}` means nothing in maps that end in `.{}`: leave it out",
+                    ending.to_string_lossy()
+                ));
+                return Err(fail(kind, &[Step::Key("map"), Step::Key(name)]));
+            }
             let folder = path.parent().unwrap_or(Path::new(""));
             let read = maps::load(folder.join(&map.file), &map.options(radius));
             let steps = [Step::Key("map"), Step::Key("file")];

@@ -7,7 +7,7 @@ use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::pair::{self, Vertices};
-use crate::maps::{MapOptions, Units};
+use crate::maps::{Format, MapOptions, Units};
 
 /// The weight λ of a scenario that names none (the published TL-RRT* planner's).
 pub const DEFAULT_WEIGHT: f64 = 0.2;
@@ -90,6 +90,28 @@ enum Ground {
 }
 
 impl MapSpec {
+    /// A setting that is given and means nothing in maps of this format.
+    pub(super) fn foreign(&self, format: Format) -> Option<&'static str> {
+        let given = [
+            ("tolerance", self.tolerance.is_some()),
+            ("unknown", self.unknown.is_some()),
+            ("cell", self.cell.is_some()),
+            ("water", self.water.is_some()),
+            ("swamp", self.swamp.is_some()),
+            ("units", self.units.is_some()),
+            ("reference", self.reference.is_some()),
+        ];
+        let known: &[&str] = match format {
+            Format::Ros => &["tolerance", "unknown"],
+            Format::MovingAi => &["tolerance", "cell", "water", "swamp"],
+            Format::GeoJson => &["units", "reference"],
+        };
+        let foreign = given
+            .into_iter()
+            .find(|(name, is)| *is && !known.contains(name));
+        foreign.map(|(name, _)| name)
+    }
+
     pub(super) fn options(&self, robot_radius: f64) -> MapOptions {
         MapOptions {
             robot_radius,

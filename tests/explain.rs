@@ -121,8 +121,13 @@ fn walls_are_named_for_every_sampler() {
         ..Options::default()
     };
     assert!(mission::plan(&scenario, &options).is_ok());
-    // The robot itself is locked in.
+    // The robot itself is locked in: said once, however many places that keeps it from.
     spec.start = [0.05, 0.9];
+    spec.task = Some("<> a && <> b".to_owned());
+    let why = mission::plan(&Scenario::from_spec(&spec).unwrap(), &options).unwrap_err();
+    let text = why.to_string();
+    assert!(text.contains(" and {b} cannot be reached"), "{text}");
+    assert_eq!(text.matches("walled in").count(), 1, "{text}");
     spec.task = Some("<> b".to_owned());
     let scenario = Scenario::from_spec(&spec).unwrap();
     match mission::plan(&scenario, &options).unwrap_err() {

@@ -19,7 +19,8 @@ pub(super) fn run(args: &ReplanArgs, console: &Console) -> Result<(), Failure> {
     if let (None, None, Some(task)) = (&wanted.mission.task, &wanted.automaton, &old.task) {
         // The plan's own mission: a scenario has one task, a map many.
         wanted.mission.task = Some(task.clone());
-        wanted.mission.task_of = Some(args.old.clone());
+        let stands_in = format!("the task of {}", args.old.display());
+        wanted.mission.task_of = Some(stands_in.into());
     }
     let (scenario, task, translate) = plan::read(&wanted, console)?;
     let skills = match &args.library {

@@ -387,8 +387,22 @@ impl Unreachable {
             }
             text
         };
-        let places: Vec<String> = self.places.iter().map(place).collect();
-        places.join("; ")
+        // What closes in the start keeps it from many places, and is said once.
+        let mut told: Vec<(&[Walls], Vec<String>, String)> = Vec::new();
+        for this in &self.places {
+            let around_start = this.walls.iter().any(|w| w.around_start);
+            match told.iter_mut().find(|t| around_start && t.0 == this.walls) {
+                Some((_, letters, _)) => letters.push(this.letter.clone()),
+                None => told.push((&this.walls, vec![this.letter.clone()], place(this))),
+            }
+        }
+        let sentence = |(_, letters, text): (&[Walls], Vec<String>, String)| {
+            text.replacen(&letters[0], &join(&letters), 1)
+        };
+        told.into_iter()
+            .map(sentence)
+            .collect::<Vec<_>>()
+            .join("; ")
     }
 }
 

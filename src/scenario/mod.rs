@@ -90,7 +90,7 @@ pub struct Scenario {
 pub struct Overrides {
     /// Another mission.
     pub task: Option<String>,
-    /// The file that the other mission stands in, for errors; "the given task" if none is named.
+    /// What errors call the other mission; "the given task" if nothing is said.
     pub task_of: Option<PathBuf>,
     /// Another λ, in `[0, 1]`.
     pub weight: Option<f64>,

@@ -148,7 +148,7 @@ pub(super) struct MissionArgs {
     /// Another mission for this map
     #[arg(long, value_name = "FORMULA")]
     pub(super) task: Option<String>,
-    /// The file that the other mission was read from, for errors
+    /// What errors call the other mission
     #[arg(skip)]
     pub(super) task_of: Option<PathBuf>,
     /// Another weight of the prefix in the cost, from 0 to 1

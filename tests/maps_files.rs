@@ -336,6 +336,15 @@ fn a_radius_grows_plain_obstacles() {
     assert_eq!(place(0.4, 5.0), Place::Outside);
     assert_eq!(scenario.workspace.obstacle_name(0), "obstacle 1");
     assert!(mission::plan(&scenario, &options(5_000)).is_ok());
+    // Where the robot does not fit, its radius is named.
+    for start in ["[0.2, 1]", "[3.8, 1]"] {
+        std::fs::write(&path, text.replacen("[1, 1]", start, 1)).unwrap();
+        let why = Scenario::load(&path).unwrap_err().to_string();
+        assert!(
+            why.contains("for a robot_radius of 0.5, obstacles"),
+            "{why}"
+        );
+    }
     // A gap of 1.1 m above the wall is wide enough for a robot of 0.548 m radius.
     std::fs::write(&path, text.replace("0.5", "0.548")).unwrap();
     let scenario = Scenario::load(&path).unwrap();

@@ -22,6 +22,8 @@ pub struct ScenarioError {
     pub(super) kind: Box<ScenarioErrorKind>,
     file: Option<PathBuf>,
     place: Option<Place>,
+    /// The robot's radius, if the map was changed for its sake and the reason may lie in that.
+    radius: f64,
 }
 
 /// A place in a text: the text that is shown, where it begins in the file, and the bytes meant.
@@ -163,6 +165,7 @@ impl ScenarioError {
             kind: Box::new(kind),
             file: None,
             place: None,
+            radius: 0.0,
         }
     }
 
@@ -170,6 +173,12 @@ impl ScenarioError {
         if self.place.is_none() {
             self.place = place;
         }
+        self
+    }
+
+    /// Says that obstacles were grown and the bounds shrunk by a radius, if they were.
+    pub(super) fn on_map_for(mut self, radius: f64) -> Self {
+        self.radius = radius;
         self
     }
 
@@ -228,7 +237,15 @@ impl fmt::Display for ScenarioError {
             (None, Some((line, column))) => write!(f, "line {line}, column {column}: ")?,
             (None, None) => {}
         }
-        self.kind.fmt(f)
+        self.kind.fmt(f)?;
+        if self.radius > 0.0 {
+            let radius = Brief(self.radius);
+            write!(
+                f,
+                " (for a robot_radius of {radius}, obstacles were grown and the bounds shrunk)"
+            )?;
+        }
+        Ok(())
     }
 }
 

@@ -213,11 +213,13 @@ impl Scenario {
         let names = source.map(|s| s.obstacle_names.clone());
         let workspace = build_workspace(&spec.workspace, &fail)?;
         let workspace = Arc::new(workspace.with_obstacle_names(names.unwrap_or_default()));
+        let radius = source.map_or(0.0, |s| s.robot_radius);
         let start = check_start(spec.start, &workspace)
-            .map_err(|kind| fail(kind, &[Step::Key("start")]))?;
+            .map_err(|kind| fail(kind, &[Step::Key("start")]).on_map_for(radius))?;
         if let Some(grid) = spec.workspace.grid {
-            check_grid(grid, &workspace, start)
-                .map_err(|e| fail(ScenarioErrorKind::Grid(e), &[map, Step::Key("grid")]))?;
+            check_grid(grid, &workspace, start).map_err(|e| {
+                fail(ScenarioErrorKind::Grid(e), &[map, Step::Key("grid")]).on_map_for(radius)
+            })?;
         }
         let weight = overrides.weight.unwrap_or(spec.weight);
         if !(0.0..=1.0).contains(&weight) {

@@ -25,6 +25,8 @@ pub(super) struct Source {
     first_line: usize,
     /// What to call obstacles, once they are known.
     pub(super) obstacle_names: Vec<String>,
+    /// By how much obstacles were grown and the bounds shrunk, map units.
+    pub(super) robot_radius: f64,
 }
 
 impl Source {
@@ -106,7 +108,9 @@ pub(super) fn read_text_of(
 ) -> Result<Vec<Read1>, ScenarioError> {
     let sources = split(path, text).map_err(|e| ScenarioError::new(e).in_file(path))?;
     let parse = |mut source: Source| {
-        let resolved = source.parse().and_then(|f| resolve(f, path, &source));
+        let file = source.parse().map_err(|e| e.in_file(path))?;
+        source.robot_radius = file.robot_radius;
+        let resolved = resolve(file, path, &source);
         let (spec, names) = resolved.map_err(|e| e.in_file(path))?;
         source.obstacle_names = names;
         Ok((named(spec, path, &source), source))
@@ -164,6 +168,7 @@ fn split(path: &Path, text: Result<String, Kind>) -> Result<Vec<Source>, Kind> {
             syntax,
             first_line: 1,
             obstacle_names: Vec::new(),
+            robot_radius: 0.0,
         }])
     };
     match ending.as_str() {
@@ -183,6 +188,7 @@ fn lines(text: &str) -> Vec<Source> {
             syntax: Syntax::Json,
             first_line: i + 1,
             obstacle_names: Vec::new(),
+            robot_radius: 0.0,
         })
         .collect()
 }

@@ -47,12 +47,7 @@ impl Mission<'_> {
         let walk = |from, to| walks.walk(from, to).unwrap_or_default();
         let mut best = plan;
         for _ in 0..ROUNDS {
-            let found = [
-                shortener.enter_around(&best.0, &walk),
-                shortener.go_around(&best.0, &walk),
-                shortener.reorder(&best.0, &walk),
-            ];
-            let found = found.into_iter().flatten();
+            let found = shortener.others(&best.0, &walk);
             match found.min_by(|a, b| a.1.total.total_cmp(&b.1.total)) {
                 Some(other) if other.1.total < best.1.total => best = other,
                 _ => break,

@@ -30,6 +30,7 @@ use crate::plan::{Cost, Path};
 use crate::workspace::{Polygon, Workspace};
 
 pub(crate) use chain::Chain;
+use enter::Walk;
 pub(crate) use pull::star_point;
 use word::KnownWords;
 pub(crate) use word::word_of;
@@ -127,6 +128,15 @@ impl<'a> Shortener<'a> {
         self.improve(&mut chain, sweeps);
         self.realise(&chain)
             .filter(|(path, _)| self.is_firm_path(path))
+    }
+
+    /// Plans near this one that no pull and no slide leads to, cheaper or not: entered elsewhere, around other sides of
+    /// obstacles, with visits in another order.
+    pub(crate) fn others(&self, path: &Path, walk: Walk<'_>) -> impl Iterator<Item = (Path, Cost)> {
+        let entered = self.enter_around(path, walk);
+        let around = self.go_around(path, walk);
+        let reordered = self.reorder(path, walk);
+        [entered, around, reordered].into_iter().flatten()
     }
 
     /// Whether the letters met along the path are those of its waypoints: a stretch so short that it

@@ -158,10 +158,8 @@ impl Search<'_> {
             way
         };
         let goal = best.goal;
-        let entered = polish.shortener.enter_around(&best.path, &walk);
-        let around = polish.shortener.go_around(&best.path, &walk);
-        let reordered = polish.shortener.reorder(&best.path, &walk);
-        for (path, cost) in [entered, around, reordered].into_iter().flatten() {
+        let others: Vec<_> = polish.shortener.others(&best.path, &walk).collect();
+        for (path, cost) in others {
             if self.is_better(cost) {
                 self.keep_with_beacons(goal, path, cost);
             }

@@ -512,27 +512,33 @@ impl<'a> Tree<'a> {
     /// Adds a place that the tree does not hold.
     fn add_site(&mut self, spot: Spot) -> SiteId {
         self.asked = None;
-        self.sites.push(Site {
-            at: spot.at,
-            letter: spot.letter,
-            first: self.here.len() as u32,
-            len: 0,
-            room: 0,
-        });
+        index::push(
+            &mut self.sites,
+            Site {
+                at: spot.at,
+                letter: spot.letter,
+                first: self.here.len() as u32,
+                len: 0,
+                room: 0,
+            },
+        );
         self.index.insert(spot.at)
     }
 
     fn add_node(&mut self, site: SiteId, state: StateId, cost: f64, parent: u32) -> NodeId {
         let id = NodeId(self.nodes.len() as u32);
-        self.nodes.push(Node {
-            cost,
-            site,
-            state,
-            parent: NONE,
-            first_child: NONE,
-            next_sibling: NONE,
-            previous_sibling: NONE,
-        });
+        index::push(
+            &mut self.nodes,
+            Node {
+                cost,
+                site,
+                state,
+                parent: NONE,
+                first_child: NONE,
+                next_sibling: NONE,
+                previous_sibling: NONE,
+            },
+        );
         self.owed.push(0.0);
         self.list_node(site, state, id);
         let letter = self.site_spot(site).letter;

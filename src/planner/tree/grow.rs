@@ -2,7 +2,7 @@
 
 use nalgebra::Point2;
 
-use super::index::{Rank, Slot};
+use super::index::Rank;
 use super::near::Near;
 use super::ways::{Way, Ways};
 use super::{NONE, NodeId, SiteId, Tree, bit, improves};
@@ -27,14 +27,13 @@ pub(super) struct Neighbour {
     only: u32,
     /// Its letter and the state of one of its nodes.
     row: u32,
-    /// Where it stands in the index, until a place is added.
-    slot: Slot,
+    at: Point2<f64>,
     /// Whether a move is possible, once that was asked.
     pub(super) visible: Option<bool>,
 }
 
 impl Neighbour {
-    fn new(distance: f64, slot: Slot, rank: &Rank) -> Self {
+    fn new(distance: f64, at: Point2<f64>, rank: &Rank) -> Self {
         Self {
             site: rank.site,
             distance,
@@ -43,7 +42,7 @@ impl Neighbour {
             targets: rank.targets,
             only: rank.only,
             row: rank.row,
-            slot,
+            at,
             visible: None,
         }
     }
@@ -165,7 +164,11 @@ impl Tree<'_> {
 
     fn neighbour(&self, distance: f64, site: SiteId) -> Neighbour {
         let slot = self.index.slot(site);
-        Neighbour::new(distance, slot, self.index.rank_at(slot))
+        Neighbour::new(
+            distance,
+            self.index.place_at(slot),
+            self.index.rank_at(slot),
+        )
     }
 
     /// More of the nearest sites, without those that are in `neighbours`, which lead nowhere.
@@ -202,7 +205,7 @@ impl Tree<'_> {
             let distance = hit.square().sqrt();
             let (rank, place) = (self.index.rank_at(hit.slot), self.index.place_at(hit.slot));
             if distance > 0.0 || place != at {
-                neighbours.push(Neighbour::new(distance, hit.slot, rank));
+                neighbours.push(Neighbour::new(distance, place, rank));
             } else {
                 known = Some(rank.site);
             }
@@ -288,7 +291,7 @@ impl Tree<'_> {
             let visible = neighbour.visible.unwrap_or_else(|| {
                 // The index has just been read there, the site not.
                 let from = Spot {
-                    at: self.index.place_at(neighbour.slot),
+                    at: neighbour.at,
                     letter: self.steps.letter(row),
                 };
                 self.look(neighbour, &from, spot)
@@ -382,7 +385,10 @@ impl Tree<'_> {
 
     pub(super) fn is_visible(&mut self, neighbour: &mut Neighbour, spot: &Spot) -> bool {
         neighbour.visible.unwrap_or_else(|| {
-            let from = self.site_spot(neighbour.site);
+            let from = Spot {
+                at: neighbour.at,
+                letter: self.steps.letter(neighbour.row),
+            };
             self.look(neighbour, &from, spot)
         })
     }

@@ -281,7 +281,7 @@ impl SiteIndex {
         let (axis, at) = self.buckets[bucket].split();
         let full = std::mem::replace(&mut self.buckets[bucket], Bucket::EMPTY);
         let sides = [bucket, self.buckets.len()];
-        self.buckets.push(Bucket::EMPTY);
+        push(&mut self.buckets, Bucket::EMPTY);
         let mut lens = [0; 2];
         for i in 0..BUCKET {
             let place = full.place(i);
@@ -382,6 +382,15 @@ impl SiteIndex {
         let (bucket, i) = self.slots[site.0 as usize].split();
         &mut self.buckets[bucket].ranks[i]
     }
+}
+
+/// Appends to a list that grows fourfold: what is aligned to cache lines cannot grow where it stands and is copied
+/// each time, while room that is not used yet is no memory yet.
+pub(super) fn push<T>(all: &mut Vec<T>, item: T) {
+    if all.len() == all.capacity() {
+        all.reserve_exact(3 * all.len());
+    }
+    all.push(item);
 }
 
 /// Moves to each place what stands where `from` says, a permutation, of which the identity is left.

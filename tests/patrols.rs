@@ -1,4 +1,4 @@
-//! Patrols of four places and more: the map decides in which order they are visited, not the formula.
+//! Patrols: the map decides in which order their places are visited, and where the round begins, not the formula.
 
 use std::sync::Arc;
 
@@ -75,6 +75,43 @@ fn four_corners_are_visited_around_whatever_their_order_in_the_formula() {
     }
 }
 
+#[test]
+fn rounds_along_a_corridor_begin_where_the_robot_meets_them() {
+    let region = |(name, x): (&str, f64)| Region {
+        name: name.to_owned(),
+        polygon: Polygon::rectangle(Point2::new(x, 0.2), Point2::new(x + 0.5, 0.8)).unwrap(),
+    };
+    let regions = [("a", 1.0), ("b", 5.0), ("c", 9.0)].map(region).to_vec();
+    let bounds = Bounds {
+        min: Point2::new(0.0, 0.0),
+        max: Point2::new(11.0, 1.0),
+    };
+    let corridor = Workspace::new(bounds, Vec::new(), regions).unwrap();
+    // To and fro between the outer ones is 15; before b the robot is on the round already.
+    for (x, prefix) in [(0.5, 0.5), (7.0, 0.0), (10.5, 1.0)] {
+        for order in [
+            &[0, 1, 2][..],
+            &[0, 2, 1],
+            &[1, 0, 2],
+            &[1, 2, 0],
+            &[2, 0, 1],
+            &[2, 1, 0],
+            &[0, 2],
+            &[2, 0],
+        ] {
+            let scenario = scenario(corridor.clone(), Point2::new(x, 0.5), order);
+            let planned = mission::plan(&scenario, &options(SamplerChoice::Exact, 1)).unwrap();
+            let cost = planned.verified.cost;
+            // The round can also begin at its far end, and the way there counts to the prefix.
+            assert!(
+                cost.total < 0.2 * (prefix + 0.51) + 0.8 * 15.02,
+                "{x} {order:?} {cost:?}"
+            );
+            assert!(cost.suffix > 14.99, "{x} {order:?} {cost:?}");
+        }
+    }
+}
+
 fn shuffled(n: usize, random: &mut Random) -> Vec<usize> {
     let mut order: Vec<usize> = (0..n).collect();
     for i in (1..n).rev() {
@@ -91,7 +128,7 @@ fn the_order_in_the_formula_changes_no_cost() {
         let family = Family::ALL[seed as usize % Family::ALL.len()];
         let map = draw_map(family, &mut random).workspace().unwrap();
         let start = draw_start(&map, &mut random);
-        let places = map.regions().len().min(5);
+        let places = map.regions().len().min(2 + seed as usize % 4);
         let mut costs = Vec::new();
         for _ in 0..3 {
             let order = shuffled(places, &mut random);

@@ -16,15 +16,18 @@ pub trait Layout {
     fn length(&self, from: Option<usize>, to: usize) -> f64;
 }
 
-/// The fewest places among which the order makes a difference: three are visited in one order or its reverse.
-const PLACES: usize = 4;
+/// The fewest places among which the order makes a difference: of two it is where the round begins.
+const PLACES: usize = 2;
+
+/// Among up to so many places each is tried as the one that the first round waits for.
+const FEW: usize = 3;
 
 /// Tours of up to so many places are the shortest; longer ones cannot be made shorter by reversing a part of them.
 const EXACT: usize = 9;
 
 /// The orders of all marks that are worth trying, the better one first: the shortest tour of the component with the most marks,
-/// and its reverse; none if there are fewer than four places to visit. The last mark, the only one that the first round has to
-/// wait for, is nearest to the start.
+/// and its reverse; none if there is one place to visit or none. The last mark, the only one that the first round has to
+/// wait for, is nearest to the start; of up to three places each is tried as the last.
 ///
 /// `seen` tells for each letter class of the graph's guards what holds.
 pub(super) fn orders(graph: &Graph, seen: &[Props], layout: &dyn Layout) -> Vec<Round> {
@@ -79,9 +82,14 @@ pub(super) fn orders(graph: &Graph, seen: &[Props], layout: &dyn Layout) -> Vec<
     // Of ways that are longer in one direction the tour is what it is.
     let both = length(&reverse) <= length(&tour) * (1.0 + 1e-6);
     let mut tours = vec![tour, reverse];
-    tours.truncate(1 + usize::from(both));
+    tours.truncate(1 + usize::from(both && n > 2));
     // Whoever enters the round on its way to the last place comes from the side of the one before.
     tours.sort_by(|a, b| from_start(a[n - 2]).total_cmp(&from_start(b[n - 2])));
+    if n <= FEW {
+        let turned = |tour: &Vec<usize>, by| [&tour[by..], &tour[..by]].concat();
+        let starts = |tour| (0..n).map(move |by| turned(tour, by));
+        tours = tours.iter().flat_map(starts).collect();
+    }
     let round = |tour: Vec<usize>| Round {
         stops: tour.iter().filter_map(|&i| stop(at(i), seen)).collect(),
         marks: free

@@ -97,7 +97,7 @@ pub fn translate(
     translated(formula, alphabet, limits, None)
 }
 
-/// As [`translate`], for a map: what is due again and again at four places or more is waited for in the order of a short tour of
+/// As [`translate`], for a map: what is due again and again at several places is waited for in the order of a short tour of
 /// them. In the order that gives the smallest automaton a cycle of its states may go to and fro between them.
 ///
 /// # Errors
@@ -229,8 +229,8 @@ fn negation(lowered: &mut Lowered, watch: &Watch<'_>) -> Result<Option<Graph>, T
     Ok(Some(graph))
 }
 
-/// The automaton with accepting states whose round is that of a short tour, in the direction that begins sooner; without one the
-/// smallest.
+/// The automaton with accepting states whose round is that of a short tour and begins soonest, the smaller one of equals; without
+/// a tour the smallest.
 fn on_tour(
     graph: &Graph,
     seen: &[Props],
@@ -241,7 +241,8 @@ fn on_tour(
     for Round { marks, stops } in tour::orders(graph, seen, layout) {
         let buchi = in_order(graph, &marks, watch)?;
         let way = Approach::new(&buchi, seen, layout).length(&stops);
-        if best.as_ref().is_none_or(|b| way < b.0) {
+        let sooner = |b: &(f64, Buchi)| (way, buchi.rank()) < (b.0, b.1.rank());
+        if best.as_ref().is_none_or(sooner) {
             best = Some((way, buchi));
         }
     }

@@ -44,8 +44,11 @@ fn bad_input_ends_with_2_and_names_file_line_and_column() {
 #[test]
 fn what_cannot_be_understood_is_usage_and_ends_with_2() {
     let scenario = shipped("case-study.toml");
-    let cases: [&[&str]; 6] = [
+    let cases: [&[&str]; 9] = [
         &["plan"],
+        &["plan", &scenario, "--png", "plan.svg"],
+        &["plan", &scenario, "--svg", "plan.PNG"],
+        &["plan", &scenario, "--tree"],
         &["fly", &scenario],
         &["plan", &scenario, "--sampler", "magic"],
         &["plan", &scenario, "--seed", "-1"],
@@ -61,6 +64,12 @@ fn what_cannot_be_understood_is_usage_and_ends_with_2() {
         );
         assert!(run.err.contains("nngtl"), "{arguments:?}: {run:?}");
     }
+    let object = nngtl(&["plan", &scenario, "--seed", "-1", "--json"]).json();
+    assert_eq!(object["outcome"], "bad-input");
+    assert!(
+        object["message"].as_str().unwrap().contains("-1"),
+        "{object}"
+    );
 }
 
 #[test]
@@ -317,12 +326,12 @@ fn points_have_two_coordinates_in_every_format() {
 #[test]
 fn two_results_are_not_written_to_one_file() {
     let folder = folder();
-    let file = folder.path().join("a.png").display().to_string();
+    let file = folder.path().join("a").display().to_string();
     let scenario = shipped("case-study.toml");
     let run = nngtl(&["plan", &scenario, "--first", "--svg", &file, "--png", &file]);
     assert_eq!(run.code, 2, "{run:?}");
     assert!(run.err.contains("two results"), "{run:?}");
-    assert!(!folder.path().join("a.png").exists());
+    assert!(!folder.path().join("a").exists());
 }
 
 #[test]
@@ -342,4 +351,49 @@ fn comparisons_without_missions_say_why() {
     let none = shipped("infeasible.toml");
     let run = nngtl(&["bench", &none, "--gaps", "--iterations", "10"]);
     assert!(!run.out.contains("NaN"), "{run:?}");
+}
+
+#[test]
+fn what_is_left_out_is_told() {
+    let run = nngtl(&[
+        "bench",
+        &shipped("infeasible.toml"),
+        &shipped("patrol.toml"),
+        "--samplers",
+        "directed",
+        "--trials",
+        "1",
+        "--json",
+    ]);
+    assert_eq!(run.code, 0, "{run:?}");
+    assert!(
+        run.err
+            .contains("infeasible.toml: left out: no plan exists"),
+        "{run:?}"
+    );
+    assert_eq!(
+        run.json()["trials"].as_array().map(Vec::len),
+        Some(1),
+        "{run:?}"
+    );
+
+    let folder = folder();
+    let text = std::fs::read_to_string(shipped("campus.geojson")).unwrap();
+    let mut map: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let features = map["features"].as_array_mut().unwrap();
+    let mut lake = features[0].clone();
+    lake["properties"] = serde_json::json!({ "name": "lake" });
+    features.extend([lake.clone(), lake]);
+    let path = folder.path().join("campus.geojson");
+    std::fs::write(&path, map.to_string()).unwrap();
+    let scenario = folder.path().join("campus.toml");
+    std::fs::copy(shipped("campus.toml"), &scenario).unwrap();
+    let scenario = scenario.display().to_string();
+    let run = nngtl(&["plan", &scenario, "--first"]);
+    assert_eq!(run.code, 0, "{run:?}");
+    assert!(
+        run.err
+            .contains("left out of the map: feature 14 (`lake`) and 1 more"),
+        "{run:?}"
+    );
 }

@@ -26,6 +26,7 @@ pub(super) fn run(console: &Console) -> Result<(), Failure> {
             "cpu_cores": cores(),
             "auto": choice.device,
             "estimate_seconds": choice.estimate,
+            "gpu_sooner_from_missions": choice.estimate.and_then(|e| e.missions_for_gpu()),
         });
         format!("{object}\n")
     } else {

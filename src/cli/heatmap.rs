@@ -35,6 +35,8 @@ pub(super) fn run(args: &HeatmapArgs, console: &Console) -> Result<(), Failure> 
             "device": prediction.device,
             "model_hash": prediction.model_hash,
             "states": prediction.guidance.states,
+            "initial": numbers(&task.nba.initial),
+            "accepting": numbers(&task.feasible),
             "notices": prediction.notice.as_slice(),
             "seconds": { "encode": prediction.encode, "infer": prediction.infer },
             "heatmap": args.out,
@@ -54,6 +56,10 @@ pub(super) fn run(args: &HeatmapArgs, console: &Console) -> Result<(), Failure> 
         describe(&scenario.name, &prediction, roles)
     };
     Ok(console.result(&text)?)
+}
+
+fn numbers(states: &[StateId]) -> Vec<u32> {
+    states.iter().map(|q| q.0).collect()
 }
 
 fn describe(name: &str, prediction: &Prediction, roles: impl Fn(usize) -> String) -> String {

@@ -46,6 +46,12 @@ pub fn main() -> ExitCode {
                 let _ = write!(std::io::stderr(), "nngtl: ");
             }
             let _ = e.print();
+            if e.use_stderr() && arguments.iter().any(|a| a == "--json") {
+                let text = e.render().to_string();
+                let first = text.split("\n\n").next().unwrap_or_default();
+                let message = first.trim_start_matches("error: ").replace("\n", " ");
+                let _ = writeln!(std::io::stdout(), "{}", Failure::input(message).to_json());
+            }
             return ExitCode::from(u8::try_from(e.exit_code()).unwrap_or(2));
         }
     };

@@ -87,6 +87,9 @@ fn keyword(word: &str) -> Option<Operand> {
         "true" => Some(Operand::True),
         "false" => Some(Operand::False),
         "not" => Some(Operand::Not),
+        "always" => Some(Operand::Globally),
+        "eventually" => Some(Operand::Finally),
+        "next" => Some(Operand::Next),
         _ => None,
     }
 }
@@ -270,6 +273,12 @@ impl<'t> Lexer<'t> {
             "and" => Some((Operator::And, 3)),
             "or" => Some((Operator::Or, 2)),
             "xor" => Some((Operator::Xor, 3)),
+            "implies" => Some((Operator::Implies, 7)),
+            "equivalent" => Some((Operator::Iff, 10)),
+            "until" => Some((Operator::Until, 5)),
+            "stronguntil" => Some((Operator::Until, 11)),
+            "weakuntil" => Some((Operator::WeakUntil, 9)),
+            "release" => Some((Operator::Release, 7)),
             _ => match word.chars().next() {
                 Some('U') => Some((Operator::Until, 1)),
                 Some('R' | 'V') => Some((Operator::Release, 1)),

@@ -9,12 +9,12 @@
 //!
 //! | operators | also written | grouping |
 //! | --- | --- | --- |
-//! | `->` `<->` | `=>` `-->` `→`, `<=>` `<-->` | right |
+//! | `->` `<->` | `=>` `-->` `→` `implies`, `<=>` `<-->` `equivalent` | right |
 //! | `\|` | `\|\|` `\/` `OR` `∨` | left |
 //! | `xor` | `^` | left |
 //! | `&` | `&&` `/\` `AND` `∧` | left |
-//! | `U` `R` `W` `M` | `V` for `R` | right |
-//! | `!` `X` `F` `G` | `~` `NOT` `¬`, `<>` for `F`, `[]` for `G` | prefix |
+//! | `U` `R` `W` `M` | `until` `stronguntil`, `V` `release`, `weakuntil` | right |
+//! | `!` `X` `F` `G` | `~` `NOT` `¬`, `next`, `<>` `eventually`, `[]` `always` | prefix |
 //!
 //! `true` and `1`, `false` and `0` are constants. Everything else that looks like a name
 //! (`[A-Za-z_][A-Za-z0-9_.]*`, other alphabets' letters included) is a proposition; any name can

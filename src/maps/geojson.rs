@@ -74,8 +74,22 @@ fn features(value: &Value, options: &MapOptions) -> Result<Features, Fault> {
         }
     };
     let mut all = Features::default();
+    let mut others = Vec::new();
     for (i, feature) in list.iter().enumerate() {
-        add(&mut all, i, feature, units)?;
+        if !feature["properties"]["kind"].is_null() {
+            add(&mut all, i, feature, units)?;
+        } else if let Some("Polygon" | "MultiPolygon") = kind_of(&feature["geometry"]) {
+            // Maps show more than concerns a robot, but this could have been meant.
+            others.push(called(i, feature));
+        }
+    }
+    if let [first, rest @ ..] = &others[..] {
+        let more = match rest.len() {
+            0 => String::new(),
+            n => format!(" and {n} more"),
+        };
+        let kinds = "region, obstacle, bounds or start";
+        log::warn!("left out of the map: {first}{more}, whose properties have no `kind` ({kinds})");
     }
     if units == Units::Degrees {
         project(&mut all, options)?;
@@ -87,25 +101,32 @@ fn kind_of(value: &Value) -> Option<&str> {
     value["type"].as_str()
 }
 
-fn add(all: &mut Features, i: usize, feature: &Value, units: Units) -> Result<(), Fault> {
-    let properties = &feature["properties"];
-    let name = properties["name"].as_str().unwrap_or_default();
-    let what = match name {
+fn name_of(feature: &Value) -> &str {
+    feature["properties"]["name"].as_str().unwrap_or_default()
+}
+
+/// What to call a feature in messages.
+fn called(i: usize, feature: &Value) -> String {
+    match name_of(feature) {
         "" => format!("feature {}", i + 1),
         name => format!("feature {} (`{name}`)", i + 1),
-    };
+    }
+}
+
+fn add(all: &mut Features, i: usize, feature: &Value, units: Units) -> Result<(), Fault> {
+    let properties = &feature["properties"];
+    let (name, what) = (name_of(feature), called(i, feature));
     let kind = match properties["kind"].as_str() {
         Some("region") => Kind::Region,
         Some("obstacle") => Kind::Obstacle,
         Some("bounds") => Kind::Bounds,
         Some("start") => Kind::Start,
-        Some(other) => {
+        other => {
+            let found = other.map_or_else(|| properties["kind"].to_string(), str::to_owned);
             let message =
-                format!("its `kind` is `{other}`: expected region, obstacle, bounds or start");
+                format!("its `kind` is `{found}`: expected region, obstacle, bounds or start");
             return Err(fault(&what, message));
         }
-        // A feature that says nothing of itself is something else.
-        None => return Ok(()),
     };
     let geometry = &feature["geometry"];
     if kind == Kind::Start {

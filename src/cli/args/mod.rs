@@ -7,7 +7,8 @@ mod skills;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::{ArgGroup, Args, Parser, Subcommand, ValueEnum};
 
 use crate::automaton::Limits;
 use crate::nn::DeviceChoice;
@@ -22,6 +23,23 @@ pub(super) use dataset::{DatasetCommand, ExpertName, GenerateArgs, MergeArgs};
 pub(super) use skills::{
     LibraryBuildArgs, LibraryCommand, LibraryMergeArgs, LibraryShowArgs, ReplanArgs, TransferArgs,
 };
+
+/// The file of a picture in a format, svg or png, whose name does not promise the other one.
+fn picture(format: &'static str) -> impl TypedValueParser<Value = PathBuf> {
+    let other = if format == "svg" { "png" } else { "svg" };
+    PathBufValueParser::new().try_map(move |path| {
+        if path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case(other))
+        {
+            return Err(format!(
+                "that is a name for `--{other}`; here {} is written",
+                format.to_uppercase()
+            ));
+        }
+        Ok(path)
+    })
+}
 
 /// Plans robot missions given in temporal logic, guided by neural networks.
 ///
@@ -102,6 +120,7 @@ pub(super) enum Command {
 /// writes it and pictures of it where asked. Ctrl-C ends the search with the best plan so far.
 #[derive(Args, Clone, Debug)]
 #[command(
+    group = ArgGroup::new("picture").args(["svg", "png"]).multiple(true),
     after_help = "Examples:\n  nngtl plan scenarios/case-study.toml --out plan.json --svg plan.svg\n  nngtl plan scenarios/patrol.toml --sampler biased --first --seed 7\n  nngtl plan scenarios/many.jsonl --pick shuttle --time-limit 2 --json"
 )]
 pub(super) struct PlanArgs {
@@ -123,16 +142,16 @@ pub(super) struct PlanArgs {
     #[arg(long, value_name = "FILE.json", help_heading = "Files")]
     pub(super) out: Option<PathBuf>,
     /// Draw map and plan as SVG
-    #[arg(long, value_name = "FILE.svg", help_heading = "Files")]
+    #[arg(long, value_name = "FILE.svg", value_parser = picture("svg"), help_heading = "Files")]
     pub(super) svg: Option<PathBuf>,
     /// Draw map and plan as PNG
-    #[arg(long, value_name = "FILE.png", help_heading = "Files")]
+    #[arg(long, value_name = "FILE.png", value_parser = picture("png"), help_heading = "Files")]
     pub(super) png: Option<PathBuf>,
     /// Write the heatmap, as PNG or as NumPy array (.npy)
     #[arg(long, value_name = "FILE", help_heading = "Files")]
     pub(super) heatmap: Option<PathBuf>,
     /// Draw the search trees, too
-    #[arg(long, help_heading = "Files")]
+    #[arg(long, requires = "picture", help_heading = "Files")]
     pub(super) tree: bool,
 }
 

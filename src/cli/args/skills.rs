@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::{MissionArgs, NetworkArgs, PlanArgs, SamplerName};
+use super::{MissionArgs, NetworkArgs, PlanArgs, SamplerName, picture};
 use crate::transfer::BuildSettings;
 
 /// Build and look at libraries of skills
@@ -47,10 +47,10 @@ pub(in crate::cli) struct LibraryBuildArgs {
     #[arg(long, value_name = "N", default_value_t = BuildSettings::default().nodes, value_parser = clap::value_parser!(u64).range(1..))]
     pub(in crate::cli) nodes: u64,
     /// Draw map and skills as SVG
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg", value_parser = picture("svg"))]
     pub(in crate::cli) svg: Option<PathBuf>,
     /// Draw map and skills as PNG
-    #[arg(long, value_name = "FILE.png")]
+    #[arg(long, value_name = "FILE.png", value_parser = picture("png"))]
     pub(in crate::cli) png: Option<PathBuf>,
 }
 
@@ -72,10 +72,10 @@ pub(in crate::cli) struct LibraryShowArgs {
     #[arg(long, value_name = "NAME|LINE", requires = "scenario")]
     pub(in crate::cli) pick: Option<String>,
     /// Draw map and skills as SVG
-    #[arg(long, value_name = "FILE.svg", requires = "scenario")]
+    #[arg(long, value_name = "FILE.svg", value_parser = picture("svg"), requires = "scenario")]
     pub(in crate::cli) svg: Option<PathBuf>,
     /// Draw map and skills as PNG
-    #[arg(long, value_name = "FILE.png", requires = "scenario")]
+    #[arg(long, value_name = "FILE.png", value_parser = picture("png"), requires = "scenario")]
     pub(in crate::cli) png: Option<PathBuf>,
 }
 

@@ -15,7 +15,7 @@ use crate::cli::failure::Failure;
 use crate::dataset::maps::Family;
 use crate::dataset::{self, GenerateConfig, LabelledMission};
 use crate::guidance::Guidance;
-use crate::mission::{self, MissionError, Question};
+use crate::mission::{self, MissionError, Question, Unreachable};
 use crate::nn::Predictor;
 use crate::planner::{Problem, Stop};
 use crate::scenario::Scenario;
@@ -148,17 +148,20 @@ fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Fa
     let scenarios = Scenario::load_all(path).map_err(|e| Failure::input(e.to_string()))?;
     for scenario in scenarios.into_iter().take(limit) {
         let begin = Instant::now();
-        let ready = scenario
-            .map_err(|e| e.to_string())
-            .and_then(|s| mission::task(&s).map(|t| (s, t)).map_err(|e| e.to_string()));
+        let ready = scenario.map_err(|e| e.to_string()).and_then(|s| {
+            let task = mission::task(&s).map_err(|e| e.to_string())?;
+            let translated = begin.elapsed().as_secs_f64();
+            feasible(&s, &task).map_err(|e| e.to_string())?;
+            Ok((s, task, translated))
+        });
         match ready {
-            Ok((s, task)) => found.push(Mission {
+            Ok((s, task, translate_seconds)) => found.push(Mission {
                 name: s.name,
                 family: None,
                 map: s.workspace,
                 start: s.start,
                 task,
-                translate_seconds: begin.elapsed().as_secs_f64(),
+                translate_seconds,
                 weight: s.weight,
                 labels: None,
             }),
@@ -166,6 +169,15 @@ fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Fa
         }
     }
     Ok(found)
+}
+
+/// Refuses a mission that no search can fulfil: its runs would say nothing about samplers.
+fn feasible(scenario: &Scenario, task: &Task) -> Result<(), MissionError> {
+    let (system, _) = mission::world(scenario)?;
+    match Unreachable::find(scenario, task, &*system) {
+        Some(why) => Err(why.into()),
+        None => Ok(()),
+    }
 }
 
 /// Missions with what the networks say about them on each device, all at once.

@@ -16,6 +16,7 @@
 //! ```
 
 mod explain;
+mod fold;
 mod guide;
 mod transfer;
 
@@ -205,8 +206,8 @@ pub fn plan_task(
     let answer = chosen.answer();
     let search = searched.elapsed().as_secs_f64() - answer.waited;
 
-    let verified = check(scenario, &task, &solution.path, &solution.cost)?;
-    let mut file = file(scenario, &task, &solution.path, solution.cost);
+    let (path, verified) = result(scenario, &task, options, solution.path, &solution.cost)?;
+    let mut file = file(scenario, &task, &path, verified.cost);
     file.sampler = Some(answer.sampler(&chosen.sampler).to_owned());
     file.seed = Some(options.settings.seed);
     file.first = solution.stats.first_plan.map(first);
@@ -224,7 +225,7 @@ pub fn plan_task(
     stats.seconds.total = began.elapsed().as_secs_f64();
     file.stats = Some(stats);
     Ok(Planned {
-        path: solution.path,
+        path,
         verified,
         file,
         guidance,
@@ -307,8 +308,8 @@ fn exact(scenario: &Scenario, task: &Task, options: &Options) -> Result<Planned,
         }
     };
     let search = began.elapsed().as_secs_f64();
-    let verified = check(scenario, task, &path, &cost)?;
-    let mut file = file(scenario, task, &path, cost);
+    let (path, verified) = folded(scenario, task, path, &cost)?;
+    let mut file = file(scenario, task, &path, verified.cost);
     file.sampler = Some("exact".to_owned());
     let seconds = StageSeconds {
         search,
@@ -331,14 +332,46 @@ fn exact(scenario: &Scenario, task: &Task, options: &Options) -> Result<Planned,
     })
 }
 
-/// The checker, by the formula where there is one, and by the rules of the world that the robot
-/// moves in.
-fn check(scenario: &Scenario, task: &Task, path: &Path, cost: &Cost) -> Result<Verified, Refusal> {
+/// The checker, by the formula where there is one, and by the rules of the world that the robot moves in.
+fn check(
+    scenario: &Scenario,
+    task: &Task,
+    path: &Path,
+    cost: Option<&Cost>,
+) -> Result<Verified, Refusal> {
     let automaton = match task.formula {
         Some(_) => None,
         None => Some(&task.nba),
     };
-    verify(scenario, automaton, path, scenario.weight, Some(cost))
+    verify(scenario, automaton, path, scenario.weight, cost)
+}
+
+/// As [`folded`], for a search whose plans are to be made shorter; others are left as they were found.
+fn result(
+    scenario: &Scenario,
+    task: &Task,
+    options: &Options,
+    path: Path,
+    cost: &Cost,
+) -> Result<(Path, Verified), Refusal> {
+    if options.settings.shortens() {
+        return folded(scenario, task, path, cost);
+    }
+    let verified = check(scenario, task, &path, Some(cost))?;
+    Ok((path, verified))
+}
+
+/// Checks a planner's result, and lets its loop begin as soon as the checker allows it.
+fn folded(
+    scenario: &Scenario,
+    task: &Task,
+    path: Path,
+    cost: &Cost,
+) -> Result<(Path, Verified), Refusal> {
+    let verified = check(scenario, task, &path, Some(cost))?;
+    let again = |path: &Path| check(scenario, task, path, None).ok();
+    let folded = fold::fold(&path, &verified, scenario.weight, again);
+    Ok(folded.unwrap_or((path, verified)))
 }
 
 /// Checks a plan of a scenario, against an automaton instead of the scenario's formula if one is

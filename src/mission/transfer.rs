@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::{
-    MissionError, Options, Planned, SamplerChoice, check, check_reachable, file, first, guide,
-    problem, stats,
+    MissionError, Options, Planned, SamplerChoice, check_reachable, file, first, folded, guide,
+    problem, result, stats,
 };
 use crate::automaton::Task;
 use crate::plan::{Cost, Path, PlanStats, StageSeconds};
@@ -90,8 +90,8 @@ pub fn transfer_task(
     }
     let search = searched.elapsed().as_secs_f64();
     let answer = chosen.answer();
-    let verified = check(scenario, &task, &solution.path, &solution.cost)?;
-    let mut file = file(scenario, &task, &solution.path, solution.cost);
+    let (path, verified) = result(scenario, &task, options, solution.path, &solution.cost)?;
+    let mut file = file(scenario, &task, &path, verified.cost);
     file.sampler = Some(format!("transfer-{}", chosen.sampler.name()));
     file.seed = Some(options.settings.seed);
     file.first = solution.stats.first_plan.map(first);
@@ -109,7 +109,7 @@ pub fn transfer_task(
     effort.seconds.total = began.elapsed().as_secs_f64();
     file.stats = Some(effort);
     let planned = Planned {
-        path: solution.path,
+        path,
         verified,
         file,
         guidance,
@@ -185,8 +185,8 @@ pub fn replan_task(
     let Repair {
         path, cost, task, ..
     } = repair;
-    let verified = check(scenario, &task, &path, &cost)?;
-    let mut file = file(scenario, &task, &path, cost);
+    let (path, verified) = folded(scenario, &task, path, &cost)?;
+    let mut file = file(scenario, &task, &path, verified.cost);
     file.sampler = Some("replan".to_owned());
     file.seed = Some(options.settings.seed);
     file.stats = Some(PlanStats {

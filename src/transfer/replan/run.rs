@@ -5,6 +5,9 @@ use crate::automaton::{StateId, Task};
 use crate::plan::{Path, Waypoint};
 use crate::planner::Problem;
 
+/// So many rounds are looked at for states that come back.
+const ROUNDS: usize = 16;
+
 /// Whether the mission's automaton has an accepting run along a plan, one round for each of the plan's.
 pub(in crate::transfer) fn has_run(problem: &Problem, plan: &Path) -> bool {
     with_states(problem, plan).is_some()
@@ -21,7 +24,17 @@ pub(super) fn with_states(problem: &Problem, plan: &Path) -> Option<Path> {
     if run.is_accepting_run(plan) {
         return Some(plan.clone());
     }
-    run.find(plan)
+    run.find(plan).or_else(|| after_rounds(problem, plan))
+}
+
+/// The same walk with so many rounds told as prefix that the states of the run come back with each of those that follow: a loop may
+/// begin sooner than they do.
+fn after_rounds(problem: &Problem, plan: &Path) -> Option<Path> {
+    let mut later = plan.clone();
+    (0..problem.task.nba.len().min(ROUNDS)).find_map(|_| {
+        later.prefix.extend(plan.suffix.iter().skip(1));
+        Run::new(problem, &later)?.find(&later)
+    })
 }
 
 /// The word of a plan, and the automaton that reads it.

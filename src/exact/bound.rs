@@ -1,5 +1,8 @@
 //! A certified lower bound on the cost of every plan of a mission, wherever its suffix is entered.
 //!
+//! A plan is here a path in the product: the suffix comes back to its place *and* its automaton state. What
+//! [`mission`](crate::mission) makes of a plan, whose loop may begin before its state comes back, can cost less.
+//!
 //! # The bound
 //! Where the letter changes, a path crosses the border of a region that the task speaks of. Those borders
 //! are cut into pieces, the *gates*. A path is then a sequence of legs from gate to gate, each within one
@@ -74,7 +77,7 @@ const PRECISION: f64 = 1e-4;
 /// longer side; the bound is lowered by it.
 const RESOLUTION: f64 = 1e-6;
 
-/// What every plan of the mission costs at least; `upper` is the cost of a known one (or infinite), and
+/// What every plan of the mission, as a path in the product with the automaton, costs at least; `upper` is the cost of a known one (or infinite), and
 /// what is returned is at most that. `weight` is the prefix's share λ of the cost.
 #[must_use]
 pub fn lower_bound(

@@ -50,6 +50,9 @@ impl Cost {
 ///
 /// The prefix begins at the start; the suffix begins and ends at the prefix's last point, or is
 /// that single point (the robot stays).
+///
+/// States are those of a run of the automaton. Where the loop begins before its state comes back
+/// ([`mission::plan`](crate::mission::plan)), the suffix has those of the rounds in which it does.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
     /// From the start to the point where the suffix begins; never empty.

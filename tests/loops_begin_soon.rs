@@ -1,52 +1,14 @@
 //! The loop of a plan begins as soon as the mission allows it, also where the automaton makes the first round in states of its own.
 
-use std::sync::Arc;
+mod made;
 
+use made::{corridor, options, scenario};
 use nalgebra::Point2;
 use nngtl::dataset::maps::{Family, draw_map, draw_start};
-use nngtl::mission::{self, Change, Options, SamplerChoice};
-use nngtl::planner::{Settings, Stop};
+use nngtl::mission::{self, Change, SamplerChoice};
+use nngtl::planner::Stop;
 use nngtl::random::generator;
-use nngtl::scenario::{GridSpec, Scenario};
-use nngtl::workspace::{Bounds, Polygon, Region, Workspace};
-
-fn scenario(workspace: Workspace, start: [f64; 2], task: &str) -> Scenario {
-    Scenario {
-        name: "loop".to_owned(),
-        workspace: Arc::new(workspace),
-        start: start.into(),
-        formula: task.parse().unwrap(),
-        task: task.to_owned(),
-        weight: 0.2,
-        hash: String::new(),
-        grid: None,
-    }
-}
-
-fn options(sampler: SamplerChoice, iterations: u64) -> Options {
-    Options {
-        sampler,
-        settings: Settings {
-            iterations,
-            ..Settings::default()
-        },
-        ..Options::default()
-    }
-}
-
-/// A corridor of 11 × 1 with places from 1, 5 and 9 to half a unit further on.
-fn corridor() -> Workspace {
-    let region = |(name, x): (&str, f64)| Region {
-        name: name.to_owned(),
-        polygon: Polygon::rectangle(Point2::new(x, 0.2), Point2::new(x + 0.5, 0.8)).unwrap(),
-    };
-    let regions = [("a", 1.0), ("b", 5.0), ("c", 9.0)].map(region).to_vec();
-    let bounds = Bounds {
-        min: Point2::new(0.0, 0.0),
-        max: Point2::new(11.0, 1.0),
-    };
-    Workspace::new(bounds, Vec::new(), regions).unwrap()
-}
+use nngtl::scenario::GridSpec;
 
 #[test]
 fn an_ordered_patrol_is_entered_where_the_robot_meets_it() {
@@ -55,7 +17,7 @@ fn an_ordered_patrol_is_entered_where_the_robot_meets_it() {
         ("G F (a & F (b & F c)) & (!b U a) & (!c U b)", 1.0, 15.0),
         ("G F c & G F b & (!c U b)", 5.0, 7.0),
     ] {
-        let scenario = scenario(corridor(), [0.5, 0.5], task);
+        let scenario = scenario(corridor(), Point2::new(0.5, 0.5), task);
         for (sampler, iterations) in [
             (SamplerChoice::Exact, 1),
             (SamplerChoice::Directed, 400),
@@ -73,17 +35,21 @@ fn an_ordered_patrol_is_entered_where_the_robot_meets_it() {
 
 #[test]
 fn a_first_plan_is_left_as_it_was_found() {
-    let scenario = scenario(corridor(), [0.5, 0.5], "G F (a & F b) & (!b U a)");
-    let mut options = options(SamplerChoice::Directed, 400);
-    options.settings.first = true;
-    let planned = mission::plan(&scenario, &options).unwrap();
-    let first = planned.file.first.unwrap().cost;
-    assert!((planned.verified.cost.total - first).abs() < 1e-9);
+    let scenario = scenario(
+        corridor(),
+        Point2::new(0.5, 0.5),
+        "G F (a & F b) & (!b U a)",
+    );
+    let mut first = options(SamplerChoice::Directed, 400);
+    first.settings.first = true;
+    let planned = mission::plan(&scenario, &first).unwrap();
+    let found = planned.file.first.unwrap().cost;
+    assert!((planned.verified.cost.total - found).abs() < 1e-9);
 }
 
 #[test]
 fn on_grids_the_first_step_counts_to_the_loop_where_it_can() {
-    let mut scenario = scenario(corridor(), [1.25, 0.75], "G (a <-> X !a)");
+    let mut scenario = scenario(corridor(), Point2::new(1.25, 0.75), "G (a <-> X !a)");
     scenario.grid = Some(GridSpec {
         cells: [22, 2],
         cell: 0.5,
@@ -105,8 +71,8 @@ fn plans_whose_loop_begins_sooner_still_hold_on_their_map() {
         let mut random = generator(seed, 7);
         let map = draw_map(Family::Paper, &mut random).workspace().unwrap();
         let start = draw_start(&map, &mut random);
-        let task = "G F (l1 & F (l2 & F l3)) & (!l2 U l1) & (!l3 U l2)";
-        let scenario = scenario(map, start.into(), task);
+        let text = "G F (l1 & F (l2 & F l3)) & (!l2 U l1) & (!l3 U l2)";
+        let scenario = scenario(map, start, text);
         let Ok(task) = mission::task(&scenario) else {
             continue;
         };

@@ -1,11 +1,14 @@
 //! Patrols: the map decides in which order their places are visited, and where the round begins, not the formula.
 
+mod made;
+
 use std::sync::Arc;
 
+use made::{corridor, options, scenario};
 use nalgebra::Point2;
 use nngtl::automaton::Task;
 use nngtl::dataset::maps::{Family, draw_map, draw_start};
-use nngtl::mission::{self, Change, Options, SamplerChoice};
+use nngtl::mission::{self, Change, SamplerChoice};
 use nngtl::planner::{Settings, Stop};
 use nngtl::random::{Random, generator};
 use nngtl::scenario::Scenario;
@@ -13,32 +16,13 @@ use nngtl::transfer::{Replanned, replan};
 use nngtl::workspace::{Bounds, Polygon, Region, Workspace};
 use rand::RngExt;
 
-fn scenario(workspace: Workspace, start: Point2<f64>, order: &[usize]) -> Scenario {
+/// To visit the regions with these numbers again and again.
+fn patrol(workspace: Workspace, start: Point2<f64>, order: &[usize]) -> Scenario {
     let names = workspace.regions().iter().map(|r| r.name.clone());
     let names: Vec<String> = names.collect();
-    let patrol = order.iter().map(|&i| format!("[]<> {}", names[i]));
-    let task = patrol.collect::<Vec<_>>().join(" && ");
-    Scenario {
-        name: "patrol".to_owned(),
-        workspace: Arc::new(workspace),
-        start,
-        formula: task.parse().unwrap(),
-        task,
-        weight: 0.2,
-        hash: String::new(),
-        grid: None,
-    }
-}
-
-fn options(sampler: SamplerChoice, iterations: u64) -> Options {
-    Options {
-        sampler,
-        settings: Settings {
-            iterations,
-            ..Settings::default()
-        },
-        ..Options::default()
-    }
+    let all = order.iter().map(|&i| format!("[]<> {}", names[i]));
+    let task = all.collect::<Vec<_>>().join(" && ");
+    scenario(workspace, start, &task)
 }
 
 /// Squares in the corners of the unit square, named around it.
@@ -61,7 +45,7 @@ fn corners() -> Workspace {
 fn four_corners_are_visited_around_whatever_their_order_in_the_formula() {
     let around = 4.0 * 0.6;
     for order in [[0, 1, 2, 3], [0, 2, 1, 3], [0, 1, 3, 2], [3, 1, 2, 0]] {
-        let scenario = scenario(corners(), Point2::new(0.5, 0.1), &order);
+        let scenario = patrol(corners(), Point2::new(0.5, 0.1), &order);
         for (sampler, iterations) in [
             (SamplerChoice::Exact, 1),
             (SamplerChoice::Directed, 300),
@@ -77,16 +61,7 @@ fn four_corners_are_visited_around_whatever_their_order_in_the_formula() {
 
 #[test]
 fn rounds_along_a_corridor_begin_where_the_robot_meets_them() {
-    let region = |(name, x): (&str, f64)| Region {
-        name: name.to_owned(),
-        polygon: Polygon::rectangle(Point2::new(x, 0.2), Point2::new(x + 0.5, 0.8)).unwrap(),
-    };
-    let regions = [("a", 1.0), ("b", 5.0), ("c", 9.0)].map(region).to_vec();
-    let bounds = Bounds {
-        min: Point2::new(0.0, 0.0),
-        max: Point2::new(11.0, 1.0),
-    };
-    let corridor = Workspace::new(bounds, Vec::new(), regions).unwrap();
+    let corridor = corridor();
     // To and fro between the outer ones is 15; before b the robot is on the round already.
     for (x, prefix) in [(0.5, 0.5), (7.0, 0.0), (10.5, 1.0)] {
         for order in [
@@ -99,7 +74,7 @@ fn rounds_along_a_corridor_begin_where_the_robot_meets_them() {
             &[0, 2],
             &[2, 0],
         ] {
-            let scenario = scenario(corridor.clone(), Point2::new(x, 0.5), order);
+            let scenario = patrol(corridor.clone(), Point2::new(x, 0.5), order);
             let planned = mission::plan(&scenario, &options(SamplerChoice::Exact, 1)).unwrap();
             let cost = planned.verified.cost;
             // The round can also begin at its far end, and the way there counts to the prefix.
@@ -132,7 +107,7 @@ fn the_order_in_the_formula_changes_no_cost() {
         let mut costs = Vec::new();
         for _ in 0..3 {
             let order = shuffled(places, &mut random);
-            let scenario = scenario(map.clone(), start, &order);
+            let scenario = patrol(map.clone(), start, &order);
             costs.push(
                 mission::plan(&scenario, &exact)
                     .unwrap()
@@ -154,7 +129,7 @@ fn a_repaired_patrol_keeps_its_order_where_another_is_shorter_now() {
         let mut random = generator(seed, 6);
         let map = draw_map(Family::Paper, &mut random).workspace().unwrap();
         let start = draw_start(&map, &mut random);
-        let before = scenario(map.clone(), start, &shuffled(5, &mut random));
+        let before = patrol(map.clone(), start, &shuffled(5, &mut random));
         let directed = options(SamplerChoice::Directed, 200);
         let plan = mission::plan(&before, &directed).unwrap().path;
         // A wall across one leg of the round.

@@ -7,7 +7,12 @@
 
 use nalgebra::Point2;
 
+use super::check;
+use crate::alphabet::Props;
+use crate::automaton::Task;
+use crate::ltl::semantics;
 use crate::plan::{Path, Waypoint};
+use crate::scenario::Scenario;
 use crate::verify::Verified;
 
 /// So many entries are tried at most, the cheapest first.
@@ -18,24 +23,37 @@ struct Entry {
     total: f64,
     /// The number of the prefix's point.
     leave: usize,
-    /// The number of the loop's point where the leg begins that is met.
+    /// The number of the loop's leg that is met, or of its first point.
     leg: usize,
     at: Point2<f64>,
 }
 
-/// The cheapest plan that enters the loop of `path` elsewhere and passes the `check`, if there is one that costs less.
+/// The cheapest plan that enters the loop of `path` elsewhere and passes the checker, if there is one that costs less.
 ///
 /// Its suffix has the automaton states of `path`'s, which the run reaches after a round or more.
 pub(super) fn fold(
+    scenario: &Scenario,
+    task: &Task,
     path: &Path,
     known: &Verified,
-    weight: f64,
-    check: impl Fn(&Path) -> Option<Verified>,
 ) -> Option<(Path, Verified)> {
     let cost = known.cost;
-    if path.suffix.len() < 2 || weight <= 0.0 {
+    if path.suffix.len() < 2 || scenario.weight <= 0.0 {
         return None;
     }
+    let seen = Seen::new(scenario, task, path);
+    let tried = entries(scenario, path, known).into_iter().take(ENTRIES);
+    let mut plausible = tried.filter(|e| seen.as_ref().is_none_or(|s| s.allows(path, e)));
+    plausible.find_map(|entry| {
+        let folded = entry.path(path);
+        let verified = check(scenario, task, &folded, None).ok()?;
+        (verified.cost.total < cost.total).then_some((folded, verified))
+    })
+}
+
+/// All entries that would make a plan cheaper, the cheapest first.
+fn entries(scenario: &Scenario, path: &Path, known: &Verified) -> Vec<Entry> {
+    let (cost, weight) = (known.cost, scenario.weight);
     let mut entries = Vec::new();
     let mut walked = 0.0;
     for (leave, from) in path.prefix.iter().enumerate() {
@@ -43,13 +61,13 @@ pub(super) fn fold(
             walked += (from.at - path.prefix[leave - 1].at).norm();
         }
         for (leg, ends) in path.suffix.windows(2).enumerate() {
-            for at in [Some(ends[0].at), nearest(from.at, ends)]
-                .into_iter()
-                .flatten()
-            {
+            let points = [Some(ends[0].at), nearest(from.at, ends)];
+            for at in points.into_iter().flatten() {
                 let prefix = walked + (at - from.at).norm();
                 let total = weight * prefix + (1.0 - weight) * cost.suffix;
-                if total < cost.total - 1e-9 * cost.total.max(1.0) {
+                // A grid is left from cell to cell, as the prefix does.
+                let moves = scenario.grid.is_none() || at == from.at;
+                if moves && total < cost.total - 1e-9 * cost.total.max(1.0) {
                     entries.push(Entry {
                         total,
                         leave,
@@ -61,11 +79,68 @@ pub(super) fn fold(
         }
     }
     entries.sort_by(|a, b| a.total.total_cmp(&b.total));
-    entries.into_iter().take(ENTRIES).find_map(|entry| {
-        let folded = entry.path(path);
-        let verified = check(&folded)?;
-        (verified.cost.total < cost.total).then_some((folded, verified))
-    })
+    entries
+}
+
+/// What is seen along each leg of a plan, found once for all of its entries.
+struct Seen<'a> {
+    scenario: &'a Scenario,
+    start: Props,
+    prefix: Vec<Vec<Props>>,
+    suffix: Vec<Vec<Props>>,
+}
+
+impl<'a> Seen<'a> {
+    /// `None` where that is not what decides: on grids, and for tasks without a formula.
+    fn new(scenario: &'a Scenario, task: &Task, path: &Path) -> Option<Self> {
+        if scenario.grid.is_some() || task.formula.is_none() {
+            return None;
+        }
+        let map = &scenario.workspace;
+        let legs = |points: &[Waypoint]| -> Option<Vec<Vec<Props>>> {
+            let legs = points.windows(2);
+            legs.map(|w| along(scenario, w[0].at, w[1].at)).collect()
+        };
+        Some(Self {
+            scenario,
+            start: map.alphabet().props(map.letter_at(scenario.start)?),
+            prefix: legs(&path.prefix)?,
+            suffix: legs(&path.suffix)?,
+        })
+    }
+
+    /// Whether the way to the loop is free and the word satisfies the formula.
+    fn allows(&self, path: &Path, entry: &Entry) -> bool {
+        let ends = &path.suffix[entry.leg..][..2];
+        let leg = |from, to| along(self.scenario, from, to);
+        let Some(way) = leg(path.prefix[entry.leave].at, entry.at) else {
+            return false;
+        };
+        let (mut after, mut before) = (self.suffix[entry.leg].clone(), Vec::new());
+        if entry.at != ends[0].at {
+            let parts = leg(entry.at, ends[1].at).zip(leg(ends[0].at, entry.at));
+            let Some(parts) = parts else { return false };
+            (after, before) = parts;
+        }
+        let mut prefix = vec![self.start];
+        prefix.extend(self.prefix[..entry.leave].iter().flatten().chain(&way));
+        let (earlier, later) = self.suffix.split_at(entry.leg);
+        let rest = later[1..].iter().chain(earlier).flatten();
+        let suffix: Vec<Props> = after.iter().chain(rest).chain(&before).copied().collect();
+        let alphabet = self.scenario.workspace.alphabet();
+        semantics::holds(&self.scenario.formula, &prefix, &suffix, alphabet).unwrap_or(false)
+    }
+}
+
+/// What is seen along a leg; `None` if it is blocked.
+fn along(scenario: &Scenario, a: Point2<f64>, b: Point2<f64>) -> Option<Vec<Props>> {
+    if a == b {
+        return Some(Vec::new());
+    }
+    let map = &scenario.workspace;
+    let stretches = map.trace(a, b).ok()?;
+    let props = stretches.iter().map(|s| map.alphabet().props(s.letter));
+    Some(props.collect())
 }
 
 /// The point of a leg that is nearest to `p`, unless that is one of its ends.

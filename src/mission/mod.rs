@@ -369,8 +369,7 @@ fn folded(
     cost: &Cost,
 ) -> Result<(Path, Verified), Refusal> {
     let verified = check(scenario, task, &path, Some(cost))?;
-    let again = |path: &Path| check(scenario, task, path, None).ok();
-    let folded = fold::fold(&path, &verified, scenario.weight, again);
+    let folded = fold::fold(scenario, task, &path, &verified);
     Ok(folded.unwrap_or((path, verified)))
 }
 

@@ -77,8 +77,8 @@ const PRECISION: f64 = 1e-4;
 /// longer side; the bound is lowered by it.
 const RESOLUTION: f64 = 1e-6;
 
-/// What every plan of the mission, as a path in the product with the automaton, costs at least; `upper` is the cost of a known one (or infinite), and
-/// what is returned is at most that. `weight` is the prefix's share λ of the cost.
+/// What every plan of the mission, as a path in the product with the automaton, costs at least;
+/// `upper` is the cost of a known one (or infinite), and what is returned is at most that. `weight` is the prefix's share λ of the cost.
 #[must_use]
 pub fn lower_bound(
     workspace: &Workspace,

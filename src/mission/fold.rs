@@ -65,7 +65,7 @@ fn entries(scenario: &Scenario, path: &Path, known: &Verified) -> Vec<Entry> {
             for at in points.into_iter().flatten() {
                 let prefix = walked + (at - from.at).norm();
                 let total = weight * prefix + (1.0 - weight) * cost.suffix;
-                // A grid is left from cell to cell, as the prefix does.
+                // On a grid the prefix goes from cell to cell: only a place that both share will do.
                 let moves = scenario.grid.is_none() || at == from.at;
                 if moves && total < cost.total - 1e-9 * cost.total.max(1.0) {
                     entries.push(Entry {
@@ -145,9 +145,9 @@ fn along(scenario: &Scenario, a: Point2<f64>, b: Point2<f64>) -> Option<Vec<Prop
 
 /// The point of a leg that is nearest to `p`, unless that is one of its ends.
 fn nearest(p: Point2<f64>, ends: &[Waypoint]) -> Option<Point2<f64>> {
-    let (a, along) = (ends[0].at, ends[1].at - ends[0].at);
-    let share = (p - a).dot(&along) / along.norm_squared().max(f64::MIN_POSITIVE);
-    let at = a + along * share;
+    let (a, leg) = (ends[0].at, ends[1].at - ends[0].at);
+    let share = (p - a).dot(&leg) / leg.norm_squared().max(f64::MIN_POSITIVE);
+    let at = a + leg * share;
     (share > 0.0 && share < 1.0 && at != a && at != ends[1].at).then_some(at)
 }
 

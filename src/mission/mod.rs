@@ -206,7 +206,7 @@ pub fn plan_task(
     let answer = chosen.answer();
     let search = searched.elapsed().as_secs_f64() - answer.waited;
 
-    let (path, verified) = result(scenario, &task, options, solution.path, &solution.cost)?;
+    let (path, verified) = accepted(scenario, &task, options, solution.path, &solution.cost)?;
     let mut file = file(scenario, &task, &path, verified.cost);
     file.sampler = Some(answer.sampler(&chosen.sampler).to_owned());
     file.seed = Some(options.settings.seed);
@@ -270,7 +270,7 @@ pub fn problem(scenario: &Scenario, task: Arc<Task>) -> Result<Problem, MissionE
 
 /// Ends at once where no search could succeed: with the letters of places that the robot cannot
 /// reach taken away nothing is accepted, or nothing along any way that the automaton admits.
-fn check_reachable(
+pub(crate) fn check_reachable(
     scenario: &Scenario,
     task: &Task,
     system: &dyn TransitionSystem,
@@ -347,7 +347,7 @@ fn check(
 }
 
 /// As [`folded`], for a search whose plans are to be made shorter; others are left as they were found.
-fn result(
+fn accepted(
     scenario: &Scenario,
     task: &Task,
     options: &Options,

@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::{
-    MissionError, Options, Planned, SamplerChoice, check_reachable, file, first, folded, guide,
-    problem, result, stats,
+    MissionError, Options, Planned, SamplerChoice, accepted, check_reachable, file, first, folded,
+    guide, problem, stats,
 };
 use crate::automaton::Task;
 use crate::plan::{Cost, Path, PlanStats, StageSeconds};
@@ -90,7 +90,7 @@ pub fn transfer_task(
     }
     let search = searched.elapsed().as_secs_f64();
     let answer = chosen.answer();
-    let (path, verified) = result(scenario, &task, options, solution.path, &solution.cost)?;
+    let (path, verified) = accepted(scenario, &task, options, solution.path, &solution.cost)?;
     let mut file = file(scenario, &task, &path, verified.cost);
     file.sampler = Some(format!("transfer-{}", chosen.sampler.name()));
     file.seed = Some(options.settings.seed);

@@ -15,7 +15,7 @@ use crate::cli::failure::Failure;
 use crate::dataset::maps::Family;
 use crate::dataset::{self, GenerateConfig, LabelledMission};
 use crate::guidance::Guidance;
-use crate::mission::{self, MissionError, Question, Unreachable};
+use crate::mission::{self, MissionError, Question};
 use crate::nn::Predictor;
 use crate::planner::{Problem, Stop};
 use crate::scenario::Scenario;
@@ -174,10 +174,7 @@ fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Fa
 /// Refuses a mission that no search can fulfil: its runs would say nothing about samplers.
 fn feasible(scenario: &Scenario, task: &Task) -> Result<(), MissionError> {
     let (system, _) = mission::world(scenario)?;
-    match Unreachable::find(scenario, task, &*system) {
-        Some(why) => Err(why.into()),
-        None => Ok(()),
-    }
+    mission::check_reachable(scenario, task, &*system)
 }
 
 /// Missions with what the networks say about them on each device, all at once.

@@ -1,8 +1,7 @@
 //! Questions about the words that automata accept.
 
-use std::collections::HashMap;
-
 use super::bits::Bits;
+use super::emptiness::share_a_word;
 use super::graph::{Edge, Graph, Marks};
 use super::{Nba, scc};
 use crate::alphabet::{Letter, LetterSet};
@@ -54,7 +53,7 @@ impl Nba {
     /// word.
     #[must_use]
     pub fn is_disjoint_from(&self, other: &Self) -> bool {
-        product(&self.to_graph(), &other.to_graph()).is_empty()
+        !share_a_word(&self.to_graph(), &other.to_graph())
     }
 
     pub(super) fn to_graph(&self) -> Graph {
@@ -88,62 +87,4 @@ pub(super) fn to_bits(guard: &LetterSet, letters: usize) -> Bits {
 /// Whether no run of `graph` accepts.
 fn accepts_nothing(graph: &Graph) -> bool {
     !graph.components().accepting.contains(&true)
-}
-
-/// The part of the product of two automata that is reachable from their initial states.
-pub(super) fn product(a: &Graph, b: &Graph) -> Product {
-    let start = (a.len() > 0 && b.len() > 0).then_some((0, 0));
-    product_from(a, b, start)
-}
-
-/// As [`product`], from several pairs of states.
-pub(super) fn product_from(
-    a: &Graph,
-    b: &Graph,
-    starts: impl IntoIterator<Item = (u32, u32)>,
-) -> Product {
-    let mut graph = Graph {
-        marks: a.marks + b.marks,
-        edges: Vec::new(),
-    };
-    let mut queue: Vec<(u32, u32)> = starts.into_iter().collect();
-    let mut number: HashMap<(u32, u32), u32> = queue
-        .iter()
-        .enumerate()
-        .map(|(i, &pair)| (pair, i as u32))
-        .collect();
-    while graph.len() < queue.len() {
-        let (p, q) = queue[graph.len()];
-        let mut row = Vec::new();
-        for e in &a.edges[p as usize] {
-            for f in &b.edges[q as usize] {
-                if e.guard.is_disjoint(&f.guard) {
-                    continue;
-                }
-                let pair = (e.target, f.target);
-                let target = *number.entry(pair).or_insert_with(|| {
-                    queue.push(pair);
-                    queue.len() as u32 - 1
-                });
-                row.push(Edge {
-                    target,
-                    marks: e.marks | f.marks << a.marks,
-                    // Which letters they are is of no interest any more.
-                    guard: Bits::One(1),
-                });
-            }
-        }
-        graph.edges.push(row);
-    }
-    Product(graph)
-}
-
-/// What two automata accept together.
-pub(super) struct Product(Graph);
-
-impl Product {
-    /// Whether that is nothing.
-    pub(super) fn is_empty(&self) -> bool {
-        accepts_nothing(&self.0)
-    }
 }

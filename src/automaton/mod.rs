@@ -9,6 +9,7 @@ mod buchi;
 mod copies;
 mod cubes;
 mod degeneralize;
+mod emptiness;
 mod graph;
 mod hoa;
 mod inclusion;

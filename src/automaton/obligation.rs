@@ -10,8 +10,8 @@ use std::collections::HashMap;
 
 use super::bits::Bits;
 use super::buchi::Buchi;
+use super::emptiness::{share_a_word, share_a_word_from};
 use super::graph::{Edge, Graph, Marks};
-use super::language::product;
 use super::scc;
 use super::subset::split;
 
@@ -38,7 +38,7 @@ pub(super) fn minimal(
     let verdict = |q: usize| verdicts[sets.component[q] as usize];
     let accepted = sets.to_graph(|q| verdict(q) == Some(true));
     let rejected = sets.to_graph(|q| verdict(q) == Some(false));
-    if !product(&accepted, negation).is_empty() || !product(&rejected, graph).is_empty() {
+    if share_a_word(&accepted, negation) || share_a_word(&rejected, graph) {
         return None;
     }
     let colors = sets.colors(&verdicts);
@@ -103,7 +103,7 @@ impl Deterministic {
                 .collect(),
         };
         let starts = self.members[start].iter().map(|&q| (q, 0));
-        Some(!super::language::product_from(graph, &lasso, starts).is_empty())
+        Some(share_a_word_from(graph, &lasso, starts))
     }
 
     /// The letters of a shortest cycle through `start`.

@@ -6,8 +6,8 @@
 
 use super::bits::Bits;
 use super::buchi::Buchi;
+use super::emptiness::share_a_word;
 use super::graph::Graph;
-use super::language::product;
 
 /// The total number of pairs of edges that may be looked at; beyond it states stay apart. Counted, not
 /// timed, so that results do not depend on the machine.
@@ -26,8 +26,8 @@ pub(super) fn shrink(buchi: &mut Buchi, negation: &Graph) {
         work -= cost;
         let (p, q) = pair;
         let mut candidate = merged(buchi, p, q);
-        candidate.trim();
-        if product(&candidate.to_graph(), negation).is_empty() {
+        if !share_a_word(&candidate.to_graph(), negation) {
+            candidate.trim();
             candidate.reduce();
             *buchi = candidate;
             pair = (0, 1);

@@ -15,7 +15,7 @@ use super::inputs::Inputs;
 use super::models::Model;
 use super::program::Program;
 use crate::encoding::{AutomatonGraph, Encoding, MapInput, MapTensor};
-use crate::guidance::{Guidance, Heatmap};
+use crate::guidance::{Guidance, Heatmap, are_finite};
 
 pub use info::ModelInfo;
 pub use load::{LoadError, LoadOptions, MODEL_FILES, embedded};
@@ -202,42 +202,35 @@ impl Predictor {
     ) -> Vec<Result<(Guidance, Timings), PredictError>> {
         let mut rasters = std::mem::take(&mut self.rasters);
         rasters.resize_with(2 * missions.len().max(1), MapTensor::default);
-        let mut found: Vec<Result<(Guidance, Timings), PredictError>> = Vec::new();
-        let mut inputs = Vec::new();
+        let mut encoded = Vec::with_capacity(missions.len());
+        let mut inputs = Vec::with_capacity(missions.len());
         for (mission, rasters) in missions.iter().zip(rasters.as_chunks_mut::<2>().0) {
             let begin = Instant::now();
-            let encoded = self.encode(mission, rasters);
-            let encode = begin.elapsed();
-            // What stands here is replaced by what the networks say.
-            found.push(encoded.map(|given| {
+            let given = self.encode(mission, rasters);
+            encoded.push(given.map(|given| {
                 inputs.push(given);
-                let timings = Timings {
-                    encode,
-                    ..Timings::default()
-                };
-                (Guidance::flat(0), timings)
+                begin.elapsed()
             }));
         }
         let mut outputs = self.run(&inputs).into_iter();
         drop(inputs);
         self.rasters = rasters;
-        for found in &mut found {
-            let Ok((guidance, timings)) = found else {
-                continue;
-            };
-            let Some((output, infer)) = outputs.next() else {
-                continue;
-            };
+        let mut finish = |encode| {
+            let missing = PredictError::Inconsistent("the device left it out");
+            let (output, infer) = outputs.next().ok_or(missing)?;
             let begin = Instant::now();
-            match self.guidance(output) {
-                Ok(made) => {
-                    *guidance = made;
-                    timings.infer = infer + begin.elapsed();
-                }
-                Err(e) => *found = Err(e),
-            }
-        }
-        found
+            let guidance = self.guidance(output)?;
+            let timings = Timings {
+                encode,
+                infer: infer + begin.elapsed(),
+                ..Timings::default()
+            };
+            Ok((guidance, timings))
+        };
+        encoded
+            .into_iter()
+            .map(|encode| encode.and_then(&mut finish))
+            .collect()
     }
 
     /// Checks a mission and draws its map; networks that see the same share what they see.
@@ -299,7 +292,7 @@ impl Predictor {
     }
 
     fn guidance(&self, [mut cells, states]: [Vec<f32>; 2]) -> Result<Guidance, PredictError> {
-        if cells.iter().chain(&states).any(|v| !v.is_finite()) {
+        if !(are_finite(&cells) && are_finite(&states)) {
             return Err(PredictError::NotFinite);
         }
         let side = cells.len().isqrt();

@@ -1,5 +1,7 @@
 //! Attention over the edges of a graph.
 
+use pulp::Arch;
+
 use super::math::{dot, exp, leaky_relu};
 use super::views::{Mat, MatMut, Scratch, at_least};
 use crate::encoding::Incoming;
@@ -12,6 +14,17 @@ use crate::encoding::Incoming;
 pub fn gat(
     source: Mat<'_>,
     target: Mat<'_>,
+    attention: &[f32],
+    edges: &Incoming,
+    y: MatMut<'_>,
+    scratch: &mut Scratch,
+) {
+    Arch::new().dispatch(|| attend([source, target], attention, edges, y, scratch));
+}
+
+#[inline(always)]
+fn attend(
+    [source, target]: [Mat<'_>; 2],
     attention: &[f32],
     edges: &Incoming,
     mut y: MatMut<'_>,
@@ -55,6 +68,7 @@ pub fn gat(
 }
 
 /// Writes `e^score / Σ e^score`, computed relative to the largest score.
+#[inline(always)]
 fn softmax(scores: impl Iterator<Item = f32>, weights: &mut [f32]) {
     let mut largest = f32::NEG_INFINITY;
     for (weight, score) in weights.iter_mut().zip(scores) {

@@ -99,6 +99,7 @@ pub fn activate(value: f32, activation: Activation) -> f32 {
 }
 
 /// `Σ a·b`, in eight running sums so that it is the same everywhere and still fast.
+#[inline(always)]
 #[must_use]
 pub fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut sums = [0.0; 8];

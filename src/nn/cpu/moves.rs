@@ -1,12 +1,32 @@
 //! Operations that move values without arithmetic, or nearly so.
 
+use pulp::Arch;
+
 use super::views::{Mat, MatMut, Planes, PlanesMut, Scratch, at_least};
 
 /// Bilinear interpolation, `align_corners = false`: cell `i` of the output has its centre at
 /// `(i + ½)·in/out − ½` of the input, and the border's values go on outside.
 pub fn upsample(x: Planes<'_>, y: PlanesMut<'_>, scratch: &mut Scratch) {
+    Arch::new().dispatch(|| interpolate(x, y, scratch));
+}
+
+#[inline(always)]
+fn interpolate(x: Planes<'_>, y: PlanesMut<'_>, scratch: &mut Scratch) {
     let (down, across) = (Axis::new(x.height, y.height), Axis::new(x.width, y.width));
-    let wide = at_least(&mut scratch.tile, x.height * y.width);
+    let Scratch {
+        panel,
+        tile,
+        offsets,
+        ..
+    } = scratch;
+    let wide = at_least(tile, x.height * y.width);
+    let shares = at_least(panel, y.width);
+    offsets.clear();
+    for (j, to) in shares.iter_mut().enumerate() {
+        let (j0, j1, share) = across.at(j);
+        offsets.extend([j0 as u32, j1 as u32]);
+        *to = share;
+    }
     for (channel, plane) in y
         .data
         .chunks_exact_mut((y.height * y.width).max(1))
@@ -14,14 +34,15 @@ pub fn upsample(x: Planes<'_>, y: PlanesMut<'_>, scratch: &mut Scratch) {
     {
         // Along the rows first, once for every row of the input.
         let from = x.channel(channel);
-        for j in 0..y.width {
-            let (j0, j1, share) = across.at(j);
-            let column = wide[j..].iter_mut().step_by(y.width);
-            for (row, to) in from.chunks_exact(x.width).zip(column) {
-                *to = row[j0] + (row[j1] - row[j0]) * share;
+        let lines = wide.chunks_exact_mut(y.width.max(1));
+        for (row, line) in from.chunks_exact(x.width.max(1)).zip(lines) {
+            let ends = offsets.as_chunks::<2>().0;
+            for ((to, &[j0, j1]), &share) in line.iter_mut().zip(ends).zip(&*shares) {
+                let (a, b) = (row[j0 as usize], row[j1 as usize]);
+                *to = a + (b - a) * share;
             }
         }
-        for (i, line) in plane.chunks_exact_mut(y.width).enumerate() {
+        for (i, line) in plane.chunks_exact_mut(y.width.max(1)).enumerate() {
             let (i0, i1, share) = down.at(i);
             let (upper, lower) = (
                 &wide[i0 * y.width..][..y.width],

@@ -1,9 +1,10 @@
 //! The heatmap as a sampler uses it: cells of any rectangle, in proportion to their weight.
 
 use nalgebra::Point2;
+use pulp::Arch;
 
 use super::choices::below;
-use crate::guidance::Heatmap;
+use crate::guidance::{Heatmap, are_finite, nearest, steps_of};
 use crate::random::Random;
 use crate::workspace::Bounds;
 
@@ -68,14 +69,17 @@ impl Frame {
 pub struct HeatmapSums {
     side: usize,
     /// `(side + 1)²` sums; entry `(i, j)` is the weight of all cells below `i` and `j`.
-    sums: Vec<u64>,
+    sums: Vec<u32>,
 }
 
+/// Cells per side at most.
+const LARGEST: usize = 4096;
+
 impl HeatmapSums {
-    /// Sums a heatmap, quantised to 16 bits.
+    /// Sums a heatmap, quantised to 16 bits, or to fewer where there are more than 256 cells per side.
     ///
     /// # Errors
-    /// A heatmap that is not square, or with values that are not finite.
+    /// A heatmap that is not square, of more than 4,096 cells per side, or with values that are not finite.
     pub fn new(heatmap: &Heatmap) -> Result<Self, GuidanceError> {
         let side = heatmap.side;
         if side == 0 || heatmap.values.len() != side * side {
@@ -83,20 +87,38 @@ impl HeatmapSums {
             let text = format!("{found} values for {side} × {side} cells");
             return Err(GuidanceError::Heatmap(text));
         }
-        if let Some(bad) = heatmap.values.iter().position(|v| !v.is_finite()) {
+        if side > LARGEST {
+            let text = format!("{side} cells per side, at most {LARGEST} can be summed");
+            return Err(GuidanceError::Heatmap(text));
+        }
+        if !are_finite(&heatmap.values) {
+            let mut values = heatmap.values.iter();
+            let bad = values.position(|v| !v.is_finite()).unwrap_or(0);
             let (i, j, v) = (bad / side, bad % side, heatmap.values[bad]);
             return Err(GuidanceError::Heatmap(format!("cell ({i}, {j}) is {v}")));
         }
+        // The sum of all cells must fit.
+        let steps = (u32::MAX / (side * side) as u32).min(u32::from(u16::MAX));
+        let share = steps as f32 / f32::from(u16::MAX);
         let row = side + 1;
         let mut sums = vec![0; row * row];
-        for (i, values) in heatmap.values.chunks_exact(side).enumerate() {
-            let (above, below) = sums[i * row..].split_at_mut(row);
-            let mut along = 0;
-            for ((sum, above), v) in below[1..].iter_mut().zip(&above[1..]).zip(values) {
-                along += u64::from((v * 65_535.0 + 0.5) as u16); // saturates
-                *sum = above + along;
+        Arch::new().dispatch(|| {
+            for (i, values) in heatmap.values.chunks_exact(side).enumerate() {
+                let (above, below) = sums[i * row..].split_at_mut(row);
+                let below = &mut below[1..row];
+                for (sum, &v) in below.iter_mut().zip(values) {
+                    *sum = nearest(steps_of(v) * share);
+                }
+                let mut along = 0;
+                for sum in below.iter_mut() {
+                    along += *sum;
+                    *sum = along;
+                }
+                for (sum, above) in below.iter_mut().zip(&above[1..]) {
+                    *sum += above;
+                }
             }
-        }
+        });
         Ok(Self { side, sums })
     }
 
@@ -108,7 +130,7 @@ impl HeatmapSums {
     /// The weight of the cells from `low` to `high`, both included.
     #[must_use]
     pub fn weight(&self, low: [usize; 2], high: [usize; 2]) -> u64 {
-        let at = |i: usize, j: usize| self.sums[i * (self.side + 1) + j];
+        let at = |i: usize, j: usize| u64::from(self.sums[i * (self.side + 1) + j]);
         at(high[0] + 1, high[1] + 1) + at(low[0], low[1])
             - at(low[0], high[1] + 1)
             - at(high[0] + 1, low[1])
@@ -204,5 +226,19 @@ mod tests {
         let bad = |values: Vec<f32>| HeatmapSums::new(&Heatmap { side: 2, values }).is_err();
         assert!(bad(vec![0.0; 3]));
         assert!(bad(vec![0.0, f32::NAN, 0.0, 0.0]));
+        let side = LARGEST + 1;
+        let values = vec![0.0; side * side];
+        assert!(HeatmapSums::new(&Heatmap { side, values }).is_err());
+    }
+
+    #[test]
+    fn the_sum_of_a_large_heatmap_fits() {
+        for side in [256, 257, 1_000] {
+            let sums = HeatmapSums::new(&Heatmap::flat(side)).unwrap();
+            let whole = sums.weight([0, 0], [side - 1, side - 1]);
+            let one = sums.weight([side - 1, 0], [side - 1, 0]);
+            assert_eq!(whole, one * (side * side) as u64);
+            assert!(one >= 4_000);
+        }
     }
 }

@@ -18,7 +18,7 @@ impl Rect {
         }
     }
 
-    fn contains(&self, [x, y]: Px) -> bool {
+    pub(super) fn contains(&self, [x, y]: Px) -> bool {
         x >= self.min[0] && x <= self.max[0] && y >= self.min[1] && y <= self.max[1]
     }
 

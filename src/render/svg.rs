@@ -10,7 +10,7 @@ use super::colour::{self, BAND, FAINT, HATCH, INK, OBSTACLE, PREFIX, Rgb, SUFFIX
 use super::labels::{Board, Px, Rect};
 use super::legend::{self, Sign};
 use super::raster;
-use super::shapes::{arrow_places, nice_step, number, polyline, ticks};
+use super::shapes::{arrow_places, nice_step, number, once, polyline, side_by_side, ticks};
 use super::text::{self, escaped, text_width, write_text};
 use crate::alphabet::Letter;
 use crate::plan::{Path, Waypoint, length};
@@ -364,34 +364,35 @@ impl Canvas<'_, '_> {
         // Both halos first: a suffix that runs along the prefix must not hide it.
         for line in [&prefix, &suffix] {
             self.stroke(
-                line,
+                &polyline(line),
                 [255, 255, 255],
                 "stroke-width=\"7\" stroke-opacity=\"0.85\"",
             );
         }
-        self.stroke(&prefix, PREFIX, "stroke-width=\"3\"");
+        self.stroke(&polyline(&prefix), PREFIX, "stroke-width=\"3\"");
         self.stroke(
-            &suffix,
+            &once(&suffix),
             SUFFIX,
             "stroke-width=\"3\" stroke-dasharray=\"10 6\"",
         );
+        let mut arrows = Vec::new();
         self.waypoints(&prefix, PREFIX);
-        self.arrows(&prefix, PREFIX);
+        self.arrows(&prefix, PREFIX, &mut arrows);
         if stays(path) {
             let at = suffix[0];
             self.ring(at, board);
         } else {
             self.waypoints(&suffix, SUFFIX);
-            self.arrows(&suffix, SUFFIX);
+            self.arrows(&suffix, SUFFIX, &mut arrows);
         }
         self.visits(path, board);
     }
 
-    fn stroke(&mut self, points: &[Px], colour: Rgb, style: &str) {
-        if points.len() < 2 {
+    /// Draws path data, if there are any.
+    fn stroke(&mut self, data: &str, colour: Rgb, style: &str) {
+        if !data.contains('L') {
             return;
         }
-        let data = polyline(points);
         self.add(format_args!(
             "<path d=\"{data}\" fill=\"none\" stroke=\"{}\" stroke-linejoin=\"round\" stroke-linecap=\"round\" {style}/>",
             hex(colour)
@@ -407,8 +408,8 @@ impl Canvas<'_, '_> {
         }
     }
 
-    fn arrows(&mut self, points: &[Px], colour: Rgb) {
-        for (at, direction) in arrow_places(points) {
+    fn arrows(&mut self, points: &[Px], colour: Rgb, taken: &mut Vec<Px>) {
+        for (at, direction) in arrow_places(points, taken) {
             let [x, y] = at;
             let degrees = direction.to_degrees();
             self.add(format_args!(
@@ -452,7 +453,9 @@ impl Canvas<'_, '_> {
             }
             before = props;
         }
-        for (i, (at, colour)) in badges.into_iter().enumerate() {
+        let places: Vec<Px> = badges.iter().map(|b| b.0).collect();
+        let places = side_by_side(&places, 20.0, &self.frame);
+        for (i, (at, (_, colour))) in places.into_iter().zip(badges).enumerate() {
             let [x, y] = at;
             self.add(format_args!(
                 "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"9.5\" fill=\"{}\" stroke=\"#ffffff\" stroke-width=\"1.5\"/>",

@@ -10,7 +10,7 @@ use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 
 use super::{Landmark, Leg, Spot, TransitionSystem};
-use crate::alphabet::{Alphabet, Letter, LetterSet};
+use crate::alphabet::{Alphabet, Letter, LetterSet, Props};
 use crate::number::Brief;
 use crate::random::Random;
 use crate::workspace::visibility::{PathsTo, VisibilityGraph};
@@ -161,7 +161,7 @@ impl Continuous {
         graph.paths_to(to).path(graph, from)
     }
 
-    /// Shortest ways that keep out of the regions all of whose letters are missing in `through`; `None` if that rules out
+    /// Shortest ways that keep out of where the letter is missing in `through`; `None` if that rules out
     /// nothing, or more than can be prepared.
     fn around(&self, through: &LetterSet) -> Option<Arc<Ways>> {
         let mut around = self.around.lock().unwrap_or_else(PoisonError::into_inner);
@@ -194,14 +194,27 @@ impl Continuous {
     }
 
     fn without(&self, through: &LetterSet) -> Option<Ways> {
+        if self.graph().corners().count() > MAX_CORNERS {
+            return None;
+        }
         let map = self.map();
         let alphabet = map.alphabet();
-        let regions = map.regions().iter().enumerate();
-        let barred: Vec<Polygon> = regions
-            .filter(|(i, _)| alphabet.letters_with(*i).is_disjoint(through))
-            .map(|(_, region)| region.polygon.clone())
+        let regions = 0..map.regions().len();
+        let whole: Vec<usize> = regions
+            .filter(|&i| alphabet.letters_with(i).is_disjoint(through))
             .collect();
-        if barred.is_empty() || self.graph().corners().count() > MAX_CORNERS {
+        let polygon = |&i: &usize| map.regions()[i].polygon.clone();
+        let mut barred: Vec<Polygon> = whole.iter().map(polygon).collect();
+        // Regions of which a part is allowed, alone or together with others, are barred where they are not.
+        let in_part = |props: Props| {
+            let letter = alphabet.letter(props);
+            letter.is_some_and(|l| !through.contains(l))
+                && !whole.iter().any(|&i| props.contains(i))
+        };
+        if alphabet.letters().any(|l| in_part(alphabet.props(l))) {
+            barred.extend(map.area_of(in_part));
+        }
+        if barred.is_empty() {
             return None;
         }
         Some(Ways::new(VisibilityGraph::new(Arc::new(

@@ -188,6 +188,36 @@ pub(super) fn decompose(
         .collect()
 }
 
+/// Where exactly the regions of `wanted` sets hold, whether or not obstacles are there: polygons without holes that share
+/// borders at most.
+pub(super) fn area_of(
+    bounds: &Bounds,
+    regions: &[Region],
+    wanted: impl Fn(Props) -> bool,
+) -> Vec<Polygon> {
+    let parts = decompose(bounds, &[], regions).into_iter();
+    let parts: Vec<_> = parts.filter(|p| wanted(p.0)).map(|p| p.1).collect();
+    // As one area: no hairline is left between parts that border on each other.
+    let whole = match parts.len() {
+        0 | 1 => MultiPolygon::new(parts),
+        _ => geo::unary_union(&parts),
+    };
+    let mut polygons = Vec::new();
+    for part in &whole {
+        let mut add = |ring: &[Coord<f64>]| {
+            let ring = ring.iter().map(|c| Point2::new(c.x, c.y)).collect();
+            polygons.extend(Polygon::new(ring)); // slivers without area are none
+        };
+        if part.interiors().is_empty() {
+            add(&part.exterior().0);
+        } else {
+            let triangles = part.earcut_triangles();
+            triangles.iter().for_each(|t| add(&t.to_array()));
+        }
+    }
+    polygons
+}
+
 /// Points that are likely to lie inside `part`, the best first.
 pub(super) fn inner_points(part: &geo::Polygon<f64>) -> Vec<Point2<f64>> {
     [part.centroid(), part.interior_point()]

@@ -319,6 +319,12 @@ impl Workspace {
         &self.cells[letter.index()]
     }
 
+    /// Where exactly the regions of `wanted` sets hold, whether or not obstacles are there: polygons that share borders
+    /// at most.
+    pub(crate) fn area_of(&self, wanted: impl Fn(Props) -> bool) -> Vec<Polygon> {
+        cells::area_of(&self.bounds, &self.regions, wanted)
+    }
+
     /// The names of regions of which no part is free: obstacles cover them, or they lie beyond
     /// the bounds. A robot can never be there.
     #[must_use]

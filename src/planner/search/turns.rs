@@ -1,10 +1,13 @@
 //! Which tree grows next, and what its paths may cost.
 
+use nalgebra::Point2;
 use rustc_hash::FxHashMap;
 
 use super::{Best, Search};
+use crate::alphabet::Letter;
 use crate::planner::suffix::SuffixTree;
 use crate::planner::tree::NodeId;
+use crate::system::TransitionSystem;
 
 /// Another suffix tree is opened once the open ones have had so many iterations each, times their number: none of them can block
 /// the others, and few are grown deep.
@@ -80,7 +83,11 @@ impl Search<'_> {
             }
         }
         let trees = |g: NodeId| trees.get(&kind(g)).copied().unwrap_or(0);
-        let cost = |g: NodeId| self.prefix.cost(g) + self.detour(g);
+        let detour = self.detour();
+        let cost = |g: NodeId| {
+            let at = self.prefix.spot(g).at;
+            self.prefix.cost(g) + detour.as_ref().map_or(0.0, |detour| detour.by(at))
+        };
         let unopened = |g: &NodeId| !self.suffix_of.contains_key(g);
         let goals = self.open_goals.iter().copied().filter(unopened);
         goals
@@ -90,23 +97,37 @@ impl Search<'_> {
             .map(|(_, _, g)| g)
     }
 
-    /// By how much the best suffix would get longer (or, negative, shorter) if it passed the given
-    /// goal instead of its own, weighted against the prefix. 0 while there is no suffix.
-    fn detour(&self, goal: NodeId) -> f64 {
-        let moves = |b: &&Best| b.path.suffix.len() > 2;
-        let Some(Best { path, pivot, .. }) = self.best.as_ref().filter(moves) else {
-            return 0.0;
-        };
-        let distance = |a, b| self.problem.system.distance(a, b);
+    /// What it takes to pass another goal in place of that of the best suffix. `None` while there is no suffix.
+    fn detour(&self) -> Option<Detour<'_>> {
+        let Best { path, pivot, .. } = self.best.as_ref()?;
+        if path.suffix.len() <= 2 {
+            return None;
+        }
+        let system = &*self.problem.system;
         let count = path.suffix.len() - 1;
-        let point = |i: usize| path.suffix[i % count].at;
-        let (before, root, after) = (point(pivot + count - 1), point(*pivot), point(pivot + 1));
-        let at = self.prefix.spot(goal).at;
-        let change = distance(before, at) + distance(at, after)
-            - distance(before, root)
-            - distance(root, after);
+        let point = |k: usize| path.suffix[(pivot + k) % count].at;
+        let is_visit = |at| system.settle(at).is_some_and(|s| s.letter != Letter(0));
+        // The ways to the visits next to the goal's, all around if there is no other.
+        let reach = |step: usize| {
+            let (mut way, mut last) = (0.0, point(0));
+            let mut known = Vec::new();
+            for k in 1..count {
+                let at = point(k * step);
+                way += system.distance(last, at);
+                known.push((at, way));
+                last = at;
+                if is_visit(at) {
+                    break;
+                }
+            }
+            known
+        };
         let weight = self.problem.weight.max(1e-9);
-        change * (1.0 - self.problem.weight) / weight
+        Some(Detour {
+            system,
+            ways: [reach(1), reach(count - 1)],
+            share: (1.0 - self.problem.weight) / weight,
+        })
     }
 
     /// Whether a plan by a goal with a way of this length can be cheaper than the best. The way is part of the
@@ -152,5 +173,28 @@ impl Search<'_> {
         } else {
             0.0
         }
+    }
+}
+
+/// The best suffix around its goal.
+struct Detour<'s> {
+    system: &'s dyn TransitionSystem,
+    /// For both directions the points from the goal on up to the next visit, and how far along the suffix they are.
+    ways: [Vec<(Point2<f64>, f64)>; 2],
+    /// What a length of suffix costs in lengths of prefix.
+    share: f64,
+}
+
+impl Detour<'_> {
+    /// By how much the suffix would get longer (or, negative, shorter) if it passed a goal at `at` instead of its own, as
+    /// the crow flies, weighted against the prefix. Corners that the goal's place makes needless are left
+    /// out: a region behind a wall may have a part before it.
+    fn by(&self, at: Point2<f64>) -> f64 {
+        let longer = self.ways.each_ref().map(|way| {
+            let longer = way.iter();
+            let longer = longer.map(|&(p, along)| self.system.distance(p, at) - along);
+            longer.reduce(f64::min).unwrap_or(0.0)
+        });
+        (longer[0] + longer[1]) * self.share
     }
 }

@@ -52,3 +52,66 @@ fn ways_that_are_allowed_anyway_are_those_of_the_map_without_the_rest() {
     }
     assert!(taken > 100, "{taken} of {asked}");
 }
+
+#[test]
+fn ways_keep_out_of_every_letter_that_is_not_allowed() {
+    let mut random = generator(5, 0);
+    let (mut found, mut around) = (0, 0);
+    for _ in 0..60 {
+        let obstacles = (0..3).map(|_| rectangle(&mut random)).collect();
+        let large = |random: &mut Random| {
+            let [x, y, w, h] = std::array::from_fn(|_| unit(random));
+            let low = Point2::new(0.6 * x, 0.6 * y);
+            Polygon::rectangle(
+                low,
+                Point2::new(low.x + 0.1 + 0.3 * w, low.y + 0.1 + 0.3 * h),
+            )
+        };
+        let region = |i: usize, random: &mut Random| Region {
+            name: format!("r{i}"),
+            polygon: large(random).unwrap(),
+        };
+        let regions = (0..4).map(|i| region(i, &mut random)).collect();
+        let Ok(map) = Workspace::new(Bounds::unit(), obstacles, regions) else {
+            continue;
+        };
+        let start = map.sample_free(&mut random);
+        let system = Continuous::new(Arc::new(map), start).unwrap();
+        let map = system.map();
+        let mut through = map.alphabet().none();
+        for letter in map.alphabet().letters() {
+            if unit(&mut random) < 0.7 {
+                through.insert(letter);
+            }
+        }
+        let Some(ways) = system.around(&through) else {
+            assert!(through.is_all());
+            continue;
+        };
+        let allowed = |p: Point2<f64>| map.letter_at(p).is_some_and(|l| through.contains(l));
+        // On a border that of one side counts.
+        let beside = |p: Point2<f64>| {
+            let near = [(-1e-6, 0.0), (1e-6, 0.0), (0.0, -1e-6), (0.0, 1e-6)];
+            let mut near = near.iter().map(|(x, y)| Point2::new(p.x + x, p.y + y));
+            allowed(p) || near.any(allowed)
+        };
+        for _ in 0..40 {
+            let [from, to] = std::array::from_fn(|_| map.sample_free(&mut random));
+            if ![from, to].into_iter().all(allowed) {
+                continue;
+            }
+            let Some(path) = ways.paths_to(to).path(&ways.graph, from) else {
+                continue;
+            };
+            found += 1;
+            around += usize::from(path.len() > 2);
+            for leg in path.windows(2) {
+                for k in 0..=50 {
+                    let p = leg[0] + (leg[1] - leg[0]) * (f64::from(k) / 50.0);
+                    assert!(beside(p), "{p} on the way from {from} to {to}");
+                }
+            }
+        }
+    }
+    assert!(found > 300 && around > 100, "{found}, {around}");
+}

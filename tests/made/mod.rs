@@ -32,6 +32,7 @@ pub(crate) fn options(sampler: SamplerChoice, iterations: u64) -> Options {
     }
 }
 
+#[allow(dead_code, reason = "not every test is made of it")]
 /// A corridor of 11 × 1 with places `a`, `b` and `c` from 1, 5 and 9 to half a unit further on.
 pub(crate) fn corridor() -> Workspace {
     let region = |(name, x): (&str, f64)| Region {

@@ -73,11 +73,37 @@ impl Search<'_> {
 
     /// The goal without a suffix tree whose plan could be cheapest, if any could be better than
     /// the best plan. Every second one is of a kind that has the fewest trees: cycles through one accepting state, or one
-    /// region, may be long or impossible whatever the goal, and through another one short.
+    /// region, may be long or impossible whatever the goal, and through another one short. And every
+    /// fourth one is the furthest from those of its kind that were tried: where a cycle is short cannot be told from others.
     fn most_promising_goal(&self) -> Option<NodeId> {
         let kind = |g: NodeId| (self.prefix.state(g), self.prefix.spot(g).letter);
+        let unopened = |g: &NodeId| !self.suffix_of.contains_key(g);
+        let goals = self.open_goals.iter().copied().filter(unopened);
+        let goals = goals.filter(|&g| self.can_improve(self.prefix.cost(g)));
+        let turn = self.suffixes.len() % 4;
+        if turn == 2 {
+            let mut tried: FxHashMap<_, Vec<_>> = FxHashMap::default();
+            for suffix in &self.suffixes {
+                let at = self.prefix.spot(suffix.goal).at;
+                tried.entry(kind(suffix.goal)).or_default().push(at);
+            }
+            let apart = |g: NodeId| {
+                let at = self.prefix.spot(g).at;
+                let tried = tried.get(&kind(g)).map_or(&[][..], Vec::as_slice);
+                let distances = tried.iter().map(|&p| self.problem.system.distance(at, p));
+                distances.fold(f64::INFINITY, f64::min)
+            };
+            return goals
+                .map(|g| (apart(g), self.prefix.cost(g), g))
+                .max_by(|a, b| {
+                    a.0.total_cmp(&b.0)
+                        .then(b.1.total_cmp(&a.1))
+                        .then(b.2.cmp(&a.2))
+                })
+                .map(|(_, _, g)| g);
+        }
         let mut trees: FxHashMap<_, usize> = FxHashMap::default();
-        if !self.suffixes.len().is_multiple_of(2) {
+        if turn % 2 == 1 {
             for suffix in &self.suffixes {
                 *trees.entry(kind(suffix.goal)).or_default() += 1;
             }
@@ -88,10 +114,7 @@ impl Search<'_> {
             let at = self.prefix.spot(g).at;
             self.prefix.cost(g) + detour.as_ref().map_or(0.0, |detour| detour.by(at))
         };
-        let unopened = |g: &NodeId| !self.suffix_of.contains_key(g);
-        let goals = self.open_goals.iter().copied().filter(unopened);
         goals
-            .filter(|&g| self.can_improve(self.prefix.cost(g)))
             .map(|g| (trees(g), cost(g), g))
             .min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)))
             .map(|(_, _, g)| g)

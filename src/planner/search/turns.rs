@@ -5,6 +5,7 @@ use rustc_hash::FxHashMap;
 
 use super::{Best, Search};
 use crate::alphabet::Letter;
+use crate::automaton::StateId;
 use crate::planner::suffix::SuffixTree;
 use crate::planner::tree::NodeId;
 use crate::system::TransitionSystem;
@@ -15,6 +16,9 @@ const SUFFIX_QUANTUM: u64 = 40;
 
 /// Once a loop is known, others are looked for in more places: the number of trees counts from this one on.
 const MANY_SUFFIXES: u64 = 32;
+
+/// An accepting state, and the letter of a goal in it.
+type Kind = (StateId, Letter);
 
 /// Which tree an iteration goes to.
 #[derive(Clone, Copy)]
@@ -50,7 +54,7 @@ impl Search<'_> {
         };
         let due = (each * trees).max(self.next_opening);
         if self.suffix_iterations >= due {
-            if let Some(goal) = self.most_promising_goal() {
+            if let Some(goal) = self.next_goal() {
                 self.open_suffix(goal);
                 return Some(self.suffixes.len() - 1);
             }
@@ -71,52 +75,69 @@ impl Search<'_> {
             .min_by_key(|&i| self.suffixes[i].iterations)
     }
 
-    /// The goal without a suffix tree whose plan could be cheapest, if any could be better than
-    /// the best plan. Every second one is of a kind that has the fewest trees: cycles through one accepting state, or one
-    /// region, may be long or impossible whatever the goal, and through another one short. And every
-    /// fourth one is the furthest from those of its kind that were tried: where a cycle is short cannot be told from others.
-    fn most_promising_goal(&self) -> Option<NodeId> {
-        let kind = |g: NodeId| (self.prefix.state(g), self.prefix.spot(g).letter);
+    /// The goal to open the next suffix tree at, if any that has none could lead to a better plan than the best.
+    /// Every second one is of a kind, accepting state and letter, that has the fewest trees: cycles through one of them
+    /// may be long or impossible whatever the goal, and through another one short. And every
+    /// fourth one is the furthest from those of its kind that were tried: where a cycle is short cannot be told
+    /// from long ones.
+    fn next_goal(&self) -> Option<NodeId> {
         let unopened = |g: &NodeId| !self.suffix_of.contains_key(g);
         let goals = self.open_goals.iter().copied().filter(unopened);
         let goals = goals.filter(|&g| self.can_improve(self.prefix.cost(g)));
-        let turn = self.suffixes.len() % 4;
-        if turn == 2 {
-            let mut tried: FxHashMap<_, Vec<_>> = FxHashMap::default();
-            for suffix in &self.suffixes {
-                let at = self.prefix.spot(suffix.goal).at;
-                tried.entry(kind(suffix.goal)).or_default().push(at);
-            }
-            let apart = |g: NodeId| {
-                let at = self.prefix.spot(g).at;
-                let tried = tried.get(&kind(g)).map_or(&[][..], Vec::as_slice);
-                let distances = tried.iter().map(|&p| self.problem.system.distance(at, p));
-                distances.fold(f64::INFINITY, f64::min)
-            };
-            return goals
-                .map(|g| (apart(g), self.prefix.cost(g), g))
-                .max_by(|a, b| {
-                    a.0.total_cmp(&b.0)
-                        .then(b.1.total_cmp(&a.1))
-                        .then(b.2.cmp(&a.2))
-                })
-                .map(|(_, _, g)| g);
-        }
-        let mut trees: FxHashMap<_, usize> = FxHashMap::default();
-        if turn % 2 == 1 {
-            for suffix in &self.suffixes {
-                *trees.entry(kind(suffix.goal)).or_default() += 1;
+        match self.suffixes.len() % 4 {
+            0 => self.most_promising(goals, |_| 0),
+            2 => self.furthest(goals),
+            _ => {
+                let mut trees: FxHashMap<Kind, usize> = FxHashMap::default();
+                for suffix in &self.suffixes {
+                    *trees.entry(self.kind(suffix.goal)).or_default() += 1;
+                }
+                self.most_promising(goals, |kind| trees.get(&kind).copied().unwrap_or(0))
             }
         }
-        let trees = |g: NodeId| trees.get(&kind(g)).copied().unwrap_or(0);
+    }
+
+    fn kind(&self, goal: NodeId) -> Kind {
+        (self.prefix.state(goal), self.prefix.spot(goal).letter)
+    }
+
+    /// Of the goals whose kinds have the fewest `trees` the one whose plan could be cheapest.
+    fn most_promising(
+        &self,
+        goals: impl Iterator<Item = NodeId>,
+        trees: impl Fn(Kind) -> usize,
+    ) -> Option<NodeId> {
         let detour = self.detour();
         let cost = |g: NodeId| {
             let at = self.prefix.spot(g).at;
             self.prefix.cost(g) + detour.as_ref().map_or(0.0, |detour| detour.by(at))
         };
         goals
-            .map(|g| (trees(g), cost(g), g))
+            .map(|g| (trees(self.kind(g)), cost(g), g))
             .min_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)))
+            .map(|(_, _, g)| g)
+    }
+
+    /// The goal that is furthest from those of its kind that have trees.
+    fn furthest(&self, goals: impl Iterator<Item = NodeId>) -> Option<NodeId> {
+        let mut tried: FxHashMap<Kind, Vec<Point2<f64>>> = FxHashMap::default();
+        for suffix in &self.suffixes {
+            let at = self.prefix.spot(suffix.goal).at;
+            tried.entry(self.kind(suffix.goal)).or_default().push(at);
+        }
+        let apart = |g: NodeId| {
+            let at = self.prefix.spot(g).at;
+            let tried = tried.get(&self.kind(g)).map_or(&[][..], Vec::as_slice);
+            let distances = tried.iter().map(|&p| self.problem.system.distance(at, p));
+            distances.fold(f64::INFINITY, f64::min)
+        };
+        goals
+            .map(|g| (-apart(g), self.prefix.cost(g), g))
+            .min_by(|a, b| {
+                a.0.total_cmp(&b.0)
+                    .then(a.1.total_cmp(&b.1))
+                    .then(a.2.cmp(&b.2))
+            })
             .map(|(_, _, g)| g)
     }
 

@@ -12,22 +12,39 @@ fn rectangle(random: &mut Random) -> Polygon {
     Polygon::rectangle(low, high).unwrap()
 }
 
+/// A rectangle of a size at which several overlap.
+fn large_rectangle(random: &mut Random) -> Polygon {
+    let [x, y, w, h] = std::array::from_fn(|_| unit(random));
+    let low = Point2::new(0.6 * x, 0.6 * y);
+    let high = Point2::new(low.x + 0.1 + 0.3 * w, low.y + 0.1 + 0.3 * h);
+    Polygon::rectangle(low, high).unwrap()
+}
+
+/// A system on a random map, if one with these obstacles and regions has room.
+fn random_system(
+    random: &mut Random,
+    obstacles: usize,
+    regions: usize,
+    region: impl Fn(&mut Random) -> Polygon,
+) -> Option<Continuous> {
+    let obstacles = (0..obstacles).map(|_| rectangle(random)).collect();
+    let regions = (0..regions).map(|i| Region {
+        name: format!("r{i}"),
+        polygon: region(random),
+    });
+    let map = Workspace::new(Bounds::unit(), obstacles, regions.collect()).ok()?;
+    let start = map.sample_free(random);
+    Continuous::new(Arc::new(map), start).ok()
+}
+
 #[test]
 fn ways_that_are_allowed_anyway_are_those_of_the_map_without_the_rest() {
     let mut random = generator(3, 0);
     let (mut taken, mut asked) = (0, 0);
     for _ in 0..40 {
-        let obstacles = (0..8).map(|_| rectangle(&mut random)).collect();
-        let region = |i: usize, random: &mut Random| Region {
-            name: format!("r{i}"),
-            polygon: rectangle(random),
-        };
-        let regions = (0..3).map(|i| region(i, &mut random)).collect();
-        let Ok(map) = Workspace::new(Bounds::unit(), obstacles, regions) else {
+        let Some(system) = random_system(&mut random, 8, 3, rectangle) else {
             continue;
         };
-        let start = map.sample_free(&mut random);
-        let system = Continuous::new(Arc::new(map), start).unwrap();
         let map = system.map();
         let mut through = map.alphabet().all();
         through.subtract(&map.alphabet().letters_with(0));
@@ -58,25 +75,9 @@ fn ways_keep_out_of_every_letter_that_is_not_allowed() {
     let mut random = generator(5, 0);
     let (mut found, mut around) = (0, 0);
     for _ in 0..60 {
-        let obstacles = (0..3).map(|_| rectangle(&mut random)).collect();
-        let large = |random: &mut Random| {
-            let [x, y, w, h] = std::array::from_fn(|_| unit(random));
-            let low = Point2::new(0.6 * x, 0.6 * y);
-            Polygon::rectangle(
-                low,
-                Point2::new(low.x + 0.1 + 0.3 * w, low.y + 0.1 + 0.3 * h),
-            )
-        };
-        let region = |i: usize, random: &mut Random| Region {
-            name: format!("r{i}"),
-            polygon: large(random).unwrap(),
-        };
-        let regions = (0..4).map(|i| region(i, &mut random)).collect();
-        let Ok(map) = Workspace::new(Bounds::unit(), obstacles, regions) else {
+        let Some(system) = random_system(&mut random, 3, 4, large_rectangle) else {
             continue;
         };
-        let start = map.sample_free(&mut random);
-        let system = Continuous::new(Arc::new(map), start).unwrap();
         let map = system.map();
         let mut through = map.alphabet().none();
         for letter in map.alphabet().letters() {

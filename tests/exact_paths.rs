@@ -156,6 +156,28 @@ fn corners_on_the_borders_of_regions_are_bent_at() {
     assert!((plan.cost.prefix - 0.5).abs() < 2e-3, "{:?}", plan.cost);
 }
 
+/// An obstacle's corner on the border of one region, in line with another of its corners, and between two regions: from
+/// there the first one is left and the second one entered.
+#[test]
+fn a_corner_in_line_with_others_is_the_only_way() {
+    // Twelfths of the map.
+    let at = |x: f64, y: f64| (x / 12.0, y / 12.0);
+    let obstacles = [(at(3.0, 3.0), at(9.0, 7.0)), (at(6.0, 0.0), at(8.0, 6.0))];
+    let regions = [(at(8.0, 3.0), at(11.0, 6.0)), (at(7.0, 4.0), at(9.0, 10.0))];
+    let workspace = map(&obstacles, &regions);
+    let roadmap = Roadmap::of_regions(&workspace, ExactConfig::default(), Props::single(0));
+    let task = visit_all(&workspace, 1);
+    let found = roadmap.plan(point(0.18, 0.23), &task, 0.2).unwrap();
+    check(&workspace, &task, &found);
+    let way = [(0.18, 0.23), at(3.0, 7.0), at(9.0, 7.0), at(9.0, 6.0)].map(|(x, y)| point(x, y));
+    let length: f64 = way.windows(2).map(|leg| (leg[1] - leg[0]).norm()).sum();
+    let prefix = found.cost.prefix;
+    assert!(
+        (prefix - length).abs() < SLACK,
+        "{prefix}, shortest {length}"
+    );
+}
+
 #[test]
 fn regions_without_meaning_are_crossed_straight() {
     let map = map(&[], &[((0.8, 0.4), (0.9, 0.6)), ((0.3, 0.2), (0.5, 0.8))]);

@@ -25,6 +25,9 @@ pub(super) struct Node {
 struct Corner {
     before: Vector2<f64>,
     after: Vector2<f64>,
+    /// How far a line may pass on the wrong side: points beside borders are a little off, and those of borders
+    /// that are in line with each other must see each other.
+    slack: f64,
 }
 
 /// A free segment to another node.
@@ -168,12 +171,21 @@ impl Node {
     pub(super) fn may_bend_towards(&self, other: Point2<f64>) -> bool {
         self.corner.is_none_or(|corner| {
             let d = other - self.at;
-            let slack = 1e-9 * d.norm();
-            let (before, after) = (d.perp(&corner.before), d.perp(&corner.after));
-            !(before > slack && after < -slack || before < -slack && after > slack)
+            let side = |edge: &Vector2<f64>| {
+                let (off, slack) = (d.perp(edge), 1e-9 * d.norm() + corner.slack * edge.norm());
+                if off.abs() <= slack {
+                    0.0
+                } else {
+                    off.signum()
+                }
+            };
+            side(&corner.before) * side(&corner.after) >= 0.0
         })
     }
 }
+
+/// Points beside a corner are so many insets away from it at most.
+const LONGEST: f64 = 4.0;
 
 /// Collects nodes, without repetition.
 struct Candidates<'w> {
@@ -243,6 +255,7 @@ impl<'w> Candidates<'w> {
                 let corner = Corner {
                     before: before - at,
                     after: after - at,
+                    slack: 2.0 * LONGEST * self.inset,
                 };
                 if !self.add(at, Props::EMPTY, Some(corner)) {
                     // A region may have a corner or a side at the same place.
@@ -263,6 +276,7 @@ impl<'w> Candidates<'w> {
                 let corner = Corner {
                     before: before - at,
                     after: after - at,
+                    slack: 2.0 * LONGEST * self.inset,
                 };
                 self.add(at - mitre, origin, Some(corner));
             }
@@ -337,14 +351,14 @@ fn is_convex(before: Point2<f64>, at: Point2<f64>, after: Point2<f64>) -> bool {
     (at - before).perp(&(after - at)) > 0.0
 }
 
-/// From a corner to the point at distance 1 inwards from both of its edges, no longer than 4
+/// From a corner to the point at distance 1 inwards from both of its edges, no longer than [`LONGEST`]
 /// where the corner is sharp.
 fn mitre(before: Point2<f64>, at: Point2<f64>, after: Point2<f64>) -> Vector2<f64> {
     let (u, v) = (inward_normal(before, at), inward_normal(at, after));
     let sum = (u + v) / (1.0 + u.dot(&v)).max(1e-6);
     let length = sum.norm();
-    if length > 4.0 {
-        sum * (4.0 / length)
+    if length > LONGEST {
+        sum * (LONGEST / length)
     } else {
         sum
     }

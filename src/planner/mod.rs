@@ -7,6 +7,7 @@
 //! nor devices.
 
 mod advice;
+mod early;
 mod parallel;
 mod polish;
 mod sampler;

@@ -274,10 +274,8 @@ impl<'a> Search<'a> {
         let limit = self.suffix_limit(self.prefix.cost(self.suffixes[i].goal));
         let suffix = &mut self.suffixes[i];
         suffix.tree.limit(limit);
-        let aim = Aim::Suffix {
-            state: suffix.state,
-            closed: suffix.is_closed(),
-        };
+        suffix.renew(&self.prefix);
+        let aim = suffix.aim(&mut self.random);
         suffix.iterations += 1;
         self.suffix_iterations += 1;
         let grown = grow(

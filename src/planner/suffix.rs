@@ -1,11 +1,14 @@
 //! Suffix trees: ways from a goal back to itself (`nngtl.md`, III-A, 2), and where the prefix enters them.
 
+use super::early::Early;
+use super::sampler::Aim;
 use super::tree::{Near, NodeId, Tree};
 use crate::automaton::{Nba, StateId};
 use crate::plan::{Path, Waypoint};
+use crate::random::Random;
 use crate::system::TransitionSystem;
 
-/// A tree grown from one goal of the prefix tree, and the cheapest way back found so far.
+/// A tree grown from one goal of the prefix tree, and the best cycle found so far.
 #[derive(Debug)]
 pub(crate) struct SuffixTree<'a> {
     /// The goal, as a node of the prefix tree.
@@ -17,7 +20,9 @@ pub(crate) struct SuffixTree<'a> {
     pub(crate) iterations: u64,
     /// The length of the cheapest way back, and the node from which it closes.
     best: Option<(f64, NodeId)>,
-    /// The length of the way back that was last made a plan of, and what that plan cost.
+    /// Cycles that begin on the way to the goal, where that can be cheaper.
+    early: Option<Early>,
+    /// The worth of the cycle that was last made a plan of, and what that plan cost.
     pub(crate) entered: Option<(f64, f64)>,
     touched: Vec<NodeId>,
 }
@@ -32,21 +37,68 @@ impl<'a> SuffixTree<'a> {
             tree: prefix.beside(prefix.spot(goal), &[state]),
             iterations: 0,
             best: None,
+            early: None,
             entered: None,
             touched: Vec::new(),
         }
     }
 
-    /// Whether any way back is known.
-    pub(crate) fn is_closed(&self) -> bool {
-        self.best.is_some()
+    /// The same, for plans in which the prefix's share of the cost is `weight`.
+    pub(super) fn weighted(prefix: &Tree<'a>, goal: NodeId, weight: f64) -> Self {
+        Self {
+            early: Early::of(prefix, goal, weight),
+            ..Self::of(prefix, goal)
+        }
     }
 
-    /// The length of the cheapest way back.
-    pub(crate) fn length(&self) -> Option<f64> {
+    /// Takes note of a shorter way to the goal.
+    pub(super) fn renew(&mut self, prefix: &Tree<'_>) {
+        if let Some(early) = &mut self.early
+            && early.renew(prefix, self.goal)
+        {
+            self.tree.touch_all();
+        }
+    }
+
+    /// What the tree is to grow towards.
+    pub(super) fn aim(&self, random: &mut Random) -> Aim {
+        let early = self.early.as_ref().filter(|_| self.iterations % 2 == 1);
+        let aim = early.and_then(|early| early.aim(random));
+        aim.unwrap_or(Aim::Suffix {
+            state: self.state,
+            closed: self.best.is_some(),
+        })
+    }
+
+    /// The length of the cheapest way back to the goal.
+    fn length_back(&self) -> Option<f64> {
         let (length, node) = self.best?;
         let coming = self.tree.cost(node) - self.tree.length_to(node);
         Some(length - coming)
+    }
+
+    /// The cycles that begin on the way to the goal, if the best of them makes the cheaper plan.
+    fn earlier(&self) -> Option<&Early> {
+        let early = self.early.as_ref()?;
+        let (cost, _) = early.best()?;
+        let back = self.length_back();
+        let at_root = back.map(|length| early.cost_at_root(length));
+        at_root.is_none_or(|c| cost < c).then_some(early)
+    }
+
+    /// The length of the best cycle.
+    pub(crate) fn length(&self) -> Option<f64> {
+        let earlier = self.earlier().and_then(Early::best);
+        earlier.map(|b| b.1).or_else(|| self.length_back())
+    }
+
+    /// What a plan with the best cycle costs at most, but for a prefix that is the same for all cycles of this tree.
+    pub(super) fn worth(&self, weight: f64) -> Option<f64> {
+        match (self.earlier(), &self.early) {
+            (Some(early), _) => early.best().map(|b| b.0),
+            (None, Some(early)) => Some(early.cost_at_root(self.length_back()?)),
+            (None, None) => Some((1.0 - weight) * self.length_back()?),
+        }
     }
 
     /// The nodes that were new or cheaper when it was last tried to close the cycle.
@@ -54,7 +106,7 @@ impl<'a> SuffixTree<'a> {
         &self.touched
     }
 
-    /// Whether anything changed that closes the cycle more cheaply. The closing leg obeys the
+    /// Whether anything changed that closes a cycle more cheaply. The closing leg obeys the
     /// segment rule like every other and reads the letter of the place that it leaves.
     pub(crate) fn close(&mut self, system: &dyn TransitionSystem, nba: &Nba) -> bool {
         let root = self.tree.root();
@@ -62,6 +114,11 @@ impl<'a> SuffixTree<'a> {
         self.tree.take_touched(&mut touched);
         let mut improved = false;
         for &node in &touched {
+            if let Some(early) = &mut self.early {
+                let back = self.best.map(|b| early.cost_at_root(b.0));
+                let limit = back.unwrap_or(f64::INFINITY);
+                improved |= early.close((system, nba), &self.tree, node, limit);
+            }
             let spot = self.tree.spot(node);
             let length = self.tree.cost(node) + system.distance(spot.at, root.at);
             // The root itself, before any move, is no cycle: staying is judged elsewhere.
@@ -78,14 +135,17 @@ impl<'a> SuffixTree<'a> {
         improved
     }
 
-    /// The cheapest way back, from the goal to the goal.
+    /// The best cycle: from the goal back to the goal, or from a point on the way to the goal by the goal.
     pub(crate) fn path(&self) -> Option<Vec<Waypoint>> {
         let mut path = Vec::new();
         self.path_into(&mut path).then_some(path)
     }
 
-    /// As [`Self::path`], written over what `path` holds; `false` if no way back is known.
+    /// As [`Self::path`], written over what `path` holds; `false` if no cycle is known.
     pub(super) fn path_into(&self, path: &mut Vec<Waypoint>) -> bool {
+        if let Some(early) = self.earlier() {
+            return early.path_into(&self.tree, path);
+        }
         let Some((_, node)) = self.best else {
             return false;
         };

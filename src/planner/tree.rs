@@ -326,6 +326,13 @@ impl<'a> Tree<'a> {
         std::mem::swap(into, &mut self.touched);
     }
 
+    /// Puts all nodes on that list.
+    pub(crate) fn touch_all(&mut self) {
+        self.touched.clear();
+        self.touched
+            .extend((0..self.nodes.len() as u32).map(NodeId));
+    }
+
     /// The place in the tree nearest to `p`.
     pub(crate) fn nearest(&self, p: Point2<f64>) -> SiteId {
         self.index.nearest(p).unwrap_or(SiteId(0))

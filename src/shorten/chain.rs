@@ -308,7 +308,7 @@ impl Shortener<'_> {
 
     /// Whether no region's border runs much closer to `p` than the inset: on the way to a place on
     /// the other side of a border a waypoint must not creep up to it.
-    fn is_firm(&self, p: Point2<f64>) -> bool {
+    pub(super) fn is_firm(&self, p: Point2<f64>) -> bool {
         let letter = self.map.letter_at(p);
         let reach = 0.9 * self.inset;
         let around = [(reach, 0.0), (-reach, 0.0), (0.0, reach), (0.0, -reach)];

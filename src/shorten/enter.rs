@@ -10,6 +10,9 @@ use crate::plan::{Cost, Path};
 /// How many places are tried, the best first.
 const TRIES: usize = 5;
 
+/// To how many places ways around obstacles are looked for, the best first.
+const WALKED: usize = 4 * TRIES;
+
 /// Passes over the points of a plan that is entered elsewhere.
 pub(super) const SWEEPS: usize = 12;
 
@@ -23,6 +26,10 @@ struct Meeting {
     /// The leg of the suffix, by the number of its first point.
     leg: usize,
     at: Point2<f64>,
+    /// Where the suffix bends on its way from the meeting to the leg's second point.
+    out: Vec<Point2<f64>>,
+    /// Where it bends on its way from the leg's first point back to the meeting.
+    back: Vec<Point2<f64>>,
 }
 
 /// A way around obstacles: its bends and its end.
@@ -56,30 +63,13 @@ impl Shortener<'_> {
         if chain.stays {
             return None;
         }
-        let (before, _) = self.shares();
         let round = self.round(&chain);
-        let (mut found, now) = self.meetings(&chain, &round);
-        found.truncate(4 * TRIES);
-        for meeting in &mut found {
-            let p = chain.points[meeting.from];
-            if self.map.letter_at(meeting.at).is_none() {
-                // In the middle of an obstacle: at an end of the leg instead, with the same cost at least.
-                let ends = [meeting.leg, (meeting.leg + 1) % round.len()].map(|i| round[i]);
-                let near = (ends[0] - p).norm() <= (ends[1] - p).norm();
-                let at = if near { ends[0] } else { ends[1] };
-                meeting.cost += before * ((at - p).norm() - (meeting.at - p).norm());
-                meeting.at = at;
-            }
-            let way = walk(p, meeting.at);
-            let Some((_, bends)) = way.split_last() else {
-                meeting.cost = f64::INFINITY;
-                continue;
-            };
-            let around = length(&way) + (way[0] - p).norm();
-            meeting.cost += before * (around - (meeting.at - p).norm());
-            meeting.bends = bends.to_vec();
-        }
-        found.retain(|m| m.cost < now - self.min_gain);
+        let (found, now) = self.meetings(&chain, &round);
+        let found = found.into_iter().take(WALKED);
+        let mut found: Vec<Meeting> = found
+            .filter_map(|meeting| self.around(meeting, &chain, &round, walk))
+            .filter(|m| m.cost < now - self.min_gain)
+            .collect();
         found.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         found.iter().take(TRIES).find_map(|meeting| {
             let mut new = joined(&chain.points[..=chain.split], &round, meeting);
@@ -88,6 +78,42 @@ impl Shortener<'_> {
             self.realise(&new)
                 .filter(|(path, _)| self.is_firm_path(path))
         })
+    }
+
+    /// A meeting with its legs around what is in their way; `None` if there is no way.
+    fn around(
+        &self,
+        mut meeting: Meeting,
+        chain: &Chain,
+        round: &[Point2<f64>],
+        walk: Walk<'_>,
+    ) -> Option<Meeting> {
+        let (before, after) = self.shares();
+        let p = chain.points[meeting.from];
+        let [u, w] = [meeting.leg, (meeting.leg + 1) % round.len()].map(|i| round[i]);
+        let star = |at: Point2<f64>| {
+            before * (at - p).norm() + after * ((at - u).norm() + (at - w).norm())
+        };
+        let straight = star(meeting.at);
+        if self.map.letter_at(meeting.at).is_none() {
+            // In the middle of an obstacle: at an end of the leg instead.
+            meeting.at = if star(u) <= star(w) { u } else { w };
+        }
+        let mut cost = 0.0;
+        let mut bends = |from: Point2<f64>, to: Point2<f64>, share: f64| {
+            if from == to {
+                return Some(Vec::new());
+            }
+            let mut way = vec![from];
+            way.extend(walk(from, to));
+            cost += share * length(&way);
+            (way.len() > 1).then(|| way[1..way.len() - 1].to_vec())
+        };
+        meeting.bends = bends(p, meeting.at, before)?;
+        meeting.out = bends(meeting.at, w, after)?;
+        meeting.back = bends(u, meeting.at, after)?;
+        meeting.cost += cost - straight;
+        Some(meeting)
     }
 
     /// The places where a prefix could meet the suffix if nothing were in the way and that would be cheaper, the best
@@ -125,6 +151,8 @@ impl Shortener<'_> {
                         bends: Vec::new(),
                         leg,
                         at,
+                        out: Vec::new(),
+                        back: Vec::new(),
                     });
                 }
             }
@@ -134,7 +162,7 @@ impl Shortener<'_> {
     }
 
     /// What a unit of prefix and of suffix cost, neither of them nothing.
-    fn shares(&self) -> (f64, f64) {
+    pub(super) fn shares(&self) -> (f64, f64) {
         (
             self.weight.max(MIN_WEIGHT),
             (1.0 - self.weight).max(MIN_WEIGHT),
@@ -174,6 +202,7 @@ fn joined(prefix: &[Point2<f64>], round: &[Point2<f64>], meeting: &Meeting) -> C
     }
     let split = points.len() - 1;
     let count = round.len();
+    points.extend_from_slice(&meeting.out);
     points.extend((1..=count).map(|k| round[(meeting.leg + k) % count]));
     // The ends of the leg may be the meeting itself.
     if points.get(split + 1) == Some(&meeting.at) {
@@ -182,6 +211,7 @@ fn joined(prefix: &[Point2<f64>], round: &[Point2<f64>], meeting: &Meeting) -> C
     while points.len() > split + 1 && points.last() == Some(&meeting.at) {
         points.pop();
     }
+    points.extend_from_slice(&meeting.back);
     Chain {
         stays: false,
         points,

@@ -13,6 +13,7 @@
 
 mod around;
 mod chain;
+mod earlier;
 mod enter;
 mod follow;
 mod pull;
@@ -51,6 +52,8 @@ pub struct Shortener<'a> {
     weight: f64,
     /// For each letter the number of its class (see [`letter_classes`]).
     classes: Vec<u16>,
+    /// The letters that some guard admits: no plan passes through others.
+    passable: LetterSet,
     /// The regions that the task speaks of.
     regions: Vec<&'a Polygon>,
     /// Convex corners of obstacles.
@@ -111,6 +114,7 @@ impl<'a> Shortener<'a> {
             task,
             weight,
             classes: letter_classes(task),
+            passable: passable(task),
             regions,
             corners,
             all_corners,
@@ -130,13 +134,40 @@ impl<'a> Shortener<'a> {
             .filter(|(path, _)| self.is_firm_path(path))
     }
 
+    /// The letters that some guard of the automaton admits: no plan passes through others.
+    pub(crate) fn passable(&self) -> &LetterSet {
+        &self.passable
+    }
+
     /// Plans near this one that no pull and no slide leads to, cheaper or not: entered elsewhere, around other sides of
-    /// obstacles, with visits in another order.
+    /// obstacles, with visits in another order, and with a suffix that does what the prefix did. The ways that `walk` gives may
+    /// touch what they lead around.
     pub(crate) fn others(&self, path: &Path, walk: Walk<'_>) -> impl Iterator<Item = (Path, Cost)> {
+        let walk = |from, to| self.keep_off(from, walk(from, to));
+        let walk: Walk<'_> = &walk;
         let entered = self.enter_around(path, walk);
+        let earlier = self.begin_earlier(path, walk);
         let around = self.go_around(path, walk);
         let reordered = self.reorder(path, walk);
-        [entered, around, reordered].into_iter().flatten()
+        [entered, earlier, around, reordered].into_iter().flatten()
+    }
+
+    /// A way with those of its bends that touch the border of a region moved off it.
+    fn keep_off(&self, from: Point2<f64>, mut way: Vec<Point2<f64>>) -> Vec<Point2<f64>> {
+        let mut before = from;
+        for i in 1..way.len() {
+            let (at, after) = (way[i - 1], way[i]);
+            if !self.is_firm(at) {
+                // What the way bends around lies between its legs.
+                let inward = (before - at).normalize() + (after - at).normalize();
+                let away = at - inward.normalize() * (2.0 * self.inset);
+                if self.is_firm(away) {
+                    way[i - 1] = away;
+                }
+            }
+            before = at;
+        }
+        way
     }
 
     /// Whether the letters met along the path are those of its waypoints: a stretch so short that it
@@ -177,6 +208,14 @@ pub(crate) fn used_regions(workspace: &Workspace, task: &Task) -> Props {
         .iter()
         .filter_map(|name| workspace.alphabet().proposition(name));
     regions.fold(Props::EMPTY, Props::with)
+}
+
+/// The letters that are in some guard.
+fn passable(task: &Task) -> LetterSet {
+    let mut all = task.nba.alphabet.none();
+    let guards = task.nba.transitions.iter().flatten();
+    guards.for_each(|t| all.union_with(&t.guard));
+    all
 }
 
 /// For each letter the number of its class: letters of one class are in the same guards, so

@@ -362,3 +362,69 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_cheap_suffix_does_what_the_prefix_did() {
+    // Both regions lie behind a wall; in a suffix of a tenth the price the whole round begins at the start.
+    let map = map(
+        &[rectangle(0.4, 0.3, 0.5, 0.7)],
+        &[
+            rectangle(0.7, 0.4, 0.8, 0.45),
+            rectangle(0.7, 0.55, 0.8, 0.6),
+        ],
+    );
+    let (start, corner) = (p(0.1, 0.5), p(0.45, 0.8));
+    let (low, high) = (p(0.75, 0.43), p(0.75, 0.57));
+    let given = path(&[start, corner, high], &[high, low, high]);
+    let walk = walks(&map);
+    let text = "G F l1 & G F l2";
+    let task = task(&map, text);
+    let round = |weight: f64| {
+        let shortener = Shortener::new(&map, &task, weight);
+        let (taut, cost) = shortener.shorten(&given, 20).unwrap();
+        (shortener.begin_earlier(&taut, &walk), cost)
+    };
+    assert!(round(0.2).0.is_none(), "a longer suffix costs more");
+    let (found, cost) = round(0.9);
+    let found = found.unwrap();
+    check(&map, text, start, &found, 0.9);
+    // There and back above the wall, or below it on the way back.
+    assert!(found.1.prefix < 1e-9, "{:?}", found.1);
+    assert!(found.1.total < 0.3 * cost.total, "{:?}, {cost:?}", found.1);
+}
+
+#[test]
+fn a_plan_that_stays_can_become_a_round() {
+    let map = map(&[], &[rectangle(0.7, 0.4, 0.8, 0.6)]);
+    let (start, end) = (p(0.1, 0.5), p(0.75, 0.5));
+    let task = task(&map, "G F l1");
+    let shortener = Shortener::new(&map, &task, 0.9);
+    let (taut, _) = shortener.shorten(&path(&[start, end], &[end]), 20).unwrap();
+    let found = shortener.begin_earlier(&taut, &walks(&map)).unwrap();
+    check(&map, "G F l1", start, &found, 0.9);
+    // Twice 0.6 at a tenth of the price, in place of 0.6 at nine tenths.
+    assert!((found.1.total - 0.12).abs() < 1e-5, "{:?}", found.1);
+}
+
+#[test]
+fn suffixes_are_entered_at_the_start_around_a_wall_that_is_in_the_way_of_their_legs() {
+    // The suffix goes round two regions on either side; the start lies behind a wall.
+    let map = map(
+        &[rectangle(0.3, 0.45, 0.7, 0.55)],
+        &[
+            rectangle(0.05, 0.8, 0.15, 0.9),
+            rectangle(0.85, 0.8, 0.95, 0.9),
+        ],
+    );
+    let start = p(0.5, 0.4);
+    let (left, right) = (p(0.1, 0.82), p(0.9, 0.82));
+    let given = path(&[start, p(0.2, 0.4), left], &[left, right, left]);
+    let text = "G F l1 & G F l2";
+    let task = task(&map, text);
+    let shortener = Shortener::new(&map, &task, 0.9);
+    let (taut, cost) = shortener.shorten(&given, 20).unwrap();
+    let found = shortener.enter_around(&taut, &walks(&map)).unwrap();
+    check(&map, text, start, &found, 0.9);
+    assert!(found.1.prefix < 1e-9, "{:?}", found.1);
+    assert!(found.1.total < 0.6 * cost.total, "{:?}, {cost:?}", found.1);
+}

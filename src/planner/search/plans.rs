@@ -1,12 +1,16 @@
 //! What counts as a plan, and which is the best.
 
+use nalgebra::Point2;
+
 use super::{Best, ENTRY_PERIOD, Search};
+use crate::alphabet::LetterSet;
 use crate::plan::{Cost, Path, Waypoint};
 use crate::planner::Improvement;
 use crate::planner::polish::{Kind, PROMISING, Polish};
 use crate::planner::suffix::Entry;
 use crate::planner::tree::NodeId;
 use crate::shorten::Shortener;
+use crate::system::TransitionSystem;
 
 /// Where to enter a way back is looked for anew once it has got shorter by so much.
 const NOTABLE: f64 = 0.01;
@@ -60,10 +64,9 @@ impl Search<'_> {
     /// it has to be found anew, and most often that is where it was.
     pub(super) fn is_worth_entering(&self, i: usize) -> bool {
         let suffix = &self.suffixes[i];
-        let known = suffix.entered.zip(suffix.length());
-        known.is_none_or(|((length, total), now)| {
-            let saved = (1.0 - self.problem.weight) * (length - now);
-            now <= length * (1.0 - NOTABLE) || self.is_better_total(total - saved)
+        let known = suffix.entered.zip(suffix.worth(self.problem.weight));
+        known.is_none_or(|((worth, total), now)| {
+            now <= worth * (1.0 - NOTABLE) || self.is_better_total(total - (worth - now))
         })
     }
 
@@ -85,7 +88,8 @@ impl Search<'_> {
         let Some((entry, cost)) = self.enter(cycle, length) else {
             return;
         };
-        self.suffixes[i].entered = Some((length, cost.total));
+        let worth = self.suffixes[i].worth(self.problem.weight);
+        self.suffixes[i].entered = worth.map(|worth| (worth, cost.total));
         self.offer(goal, Some(i), cost);
         if self.is_better(cost) {
             let mut path = self.outdated();
@@ -152,11 +156,8 @@ impl Search<'_> {
         }
         polish.looked_around = best.cost.total;
         let system = &*self.problem.system;
-        let walk = |from, to| {
-            let mut way = Vec::new();
-            system.walk(from, to, &mut |p| way.push(p));
-            way
-        };
+        let passable = polish.shortener.passable();
+        let walk = |from, to| way(system, from, to, passable).unwrap_or_default();
         let goal = best.goal;
         let others: Vec<_> = polish.shortener.others(&best.path, &walk).collect();
         for (path, cost) in others {
@@ -256,6 +257,29 @@ impl Search<'_> {
         };
         if self.is_better(cost) {
             self.keep_with_beacons(next.goal, path, cost);
+        }
+    }
+}
+
+/// The bends and the end of the shortest way that keeps to letters, if there is one.
+fn way(
+    system: &dyn TransitionSystem,
+    from: Point2<f64>,
+    to: Point2<f64>,
+    through: &LetterSet,
+) -> Option<Vec<Point2<f64>>> {
+    let mut way = Vec::new();
+    let (mut at, mut left) = (from, f64::INFINITY);
+    loop {
+        let leg = system.first_leg_through(at, to, through)?;
+        // Of corners that lie on one another none leads to the next for ever.
+        if leg.length >= left {
+            return None;
+        }
+        (at, left) = (leg.to, leg.length);
+        way.push(at);
+        if at == to {
+            return Some(way);
         }
     }
 }

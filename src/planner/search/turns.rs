@@ -187,7 +187,7 @@ impl Search<'_> {
     }
 
     fn open_suffix(&mut self, goal: NodeId) {
-        let tree = SuffixTree::of(&self.prefix, goal);
+        let tree = SuffixTree::weighted(&self.prefix, goal, self.problem.weight);
         self.suffix_of.insert(goal, self.suffixes.len());
         self.suffixes.push(tree);
     }

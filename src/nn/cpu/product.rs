@@ -70,30 +70,39 @@ impl WithSimd for Blocks<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { product, y, stride } = self;
         let depth = product.offsets.len();
-        for first in (0..product.rows).step_by(PANEL) {
-            let left = &product.left[first * depth..][..depth * PANEL];
-            let blocks = left
-                .chunks(DEPTH * PANEL)
-                .zip(product.offsets.chunks(DEPTH));
-            for (block, (left, offsets)) in blocks.enumerate() {
-                let panel = Panel {
-                    left,
+        let height = if S::REGISTER_COUNT >= 32 { PANEL } else { 6 };
+        for first in (0..product.rows).step_by(height) {
+            let panels = &product.left[first / PANEL * PANEL * depth..];
+            let (upper, rest) = panels.split_at(PANEL * depth);
+            // Where there is no next panel no row is of it.
+            let lower = rest.get(..PANEL * depth).unwrap_or(upper);
+            let blocks = upper.chunks(DEPTH * PANEL).zip(lower.chunks(DEPTH * PANEL));
+            for (block, (left, offsets)) in blocks.zip(product.offsets.chunks(DEPTH)).enumerate() {
+                let tile = Tile {
+                    left: left.into(),
                     offsets,
                     right: product.right,
                     columns: product.columns,
                     add: block > 0,
                     stride,
                 };
-                panel.rows(simd, &mut y[first * stride..], product.rows - first);
+                let (y, rows) = (&mut y[first * stride..], product.rows - first);
+                match first % PANEL {
+                    0 => tile.rows::<S, 0>(simd, y, rows),
+                    2 => tile.rows::<S, 2>(simd, y, rows),
+                    4 => tile.rows::<S, 4>(simd, y, rows),
+                    _ => tile.rows::<S, 6>(simd, y, rows),
+                }
             }
         }
     }
 }
 
-/// A panel times a block of the right matrix.
+/// Some rows of the left matrix times a block of the right one.
 #[derive(Clone, Copy)]
-struct Panel<'a> {
-    left: &'a [f32],
+struct Tile<'a> {
+    /// The panel that the first row is of, and the next one.
+    left: [&'a [f32]; 2],
     offsets: &'a [u32],
     right: &'a [f32],
     columns: usize,
@@ -102,34 +111,40 @@ struct Panel<'a> {
     stride: usize,
 }
 
-impl Panel<'_> {
-    /// Up to eight rows, as many at once as registers hold the sums of.
+impl Tile<'_> {
+    /// As many rows as registers hold the sums of, at most `rows`, from row `FROM` of the panel on. With 32 registers that is a panel
+    /// by three vectors. With sixteen six rows by two: four by three would just fit, but compilers keep some of these sums in memory,
+    /// which takes twice as long. Six rows may be of two panels.
     #[inline(always)]
-    fn rows<S: Simd>(self, simd: S, y: &mut [f32], rows: usize) {
+    fn rows<S: Simd, const FROM: usize>(self, simd: S, y: &mut [f32], rows: usize) {
+        let many = S::REGISTER_COUNT >= 32;
         match rows {
-            1 => self.strips::<S, 0, 1>(simd, y),
-            2..=4 => self.strips::<S, 0, 4>(simd, y),
-            _ if S::REGISTER_COUNT >= 32 => self.strips::<S, 0, 8>(simd, y),
-            _ => {
-                self.strips::<S, 0, 4>(simd, y);
-                self.strips::<S, 4, 4>(simd, &mut y[4 * self.stride..]);
-            }
+            1 => self.strips::<S, FROM, 1, 6>(simd, y),
+            2 if !many => self.strips::<S, FROM, 2, 4>(simd, y),
+            2..=4 if many => self.strips::<S, FROM, 4, 3>(simd, y),
+            2..=4 => self.strips::<S, FROM, 4, 2>(simd, y),
+            _ if many => self.strips::<S, FROM, 8, 3>(simd, y),
+            _ => self.strips::<S, FROM, 6, 2>(simd, y),
         }
     }
 
-    /// `ROWS` rows of the panel from row `FROM` on; all columns, three vectors at a time.
+    /// `ROWS` rows; all columns, `WIDEST` vectors at a time.
     #[inline(always)]
-    fn strips<S: Simd, const FROM: usize, const ROWS: usize>(self, simd: S, y: &mut [f32]) {
+    fn strips<S: Simd, const FROM: usize, const ROWS: usize, const WIDEST: usize>(
+        self,
+        simd: S,
+        y: &mut [f32],
+    ) {
         let vectors = self.columns.div_ceil(S::F32_LANES);
         let mut done = 0;
         while done < vectors {
             let column = done * S::F32_LANES;
             done += match vectors - done {
                 1 => self.strip::<S, FROM, ROWS, 1>(simd, y, column),
-                // Four are two and two: a single vector's products wait for their factors.
-                2 | 4 => self.strip::<S, FROM, ROWS, 2>(simd, y, column),
-                n if ROWS == 1 && n >= 6 => self.strip::<S, FROM, ROWS, 6>(simd, y, column),
-                _ => self.strip::<S, FROM, ROWS, 3>(simd, y, column),
+                // Four by threes are two and two: a single vector's products wait for their factors.
+                4 if WIDEST == 3 => self.strip::<S, FROM, ROWS, 2>(simd, y, column),
+                left if left >= WIDEST => self.strip::<S, FROM, ROWS, WIDEST>(simd, y, column),
+                _ => self.strip::<S, FROM, ROWS, 2>(simd, y, column),
             };
         }
     }
@@ -145,11 +160,18 @@ impl Panel<'_> {
         let width = VECTORS * S::F32_LANES;
         let mut sums = [[simd.splat_f32s(0.0); VECTORS]; ROWS];
         let right = &self.right[column..];
-        for (left, &offset) in self.left.as_chunks::<PANEL>().0.iter().zip(self.offsets) {
+        let [upper, lower] = self.left.map(|panel| panel.as_chunks::<PANEL>().0);
+        for ((upper, lower), &offset) in upper.iter().zip(lower).zip(self.offsets) {
             let run = &right[offset as usize..][..width];
             let run = S::as_simd_f32s(run).0;
             let values: [S::f32s; VECTORS] = std::array::from_fn(|j| run[j]);
-            for (sums, &factor) in sums.iter_mut().zip(&left[FROM..FROM + ROWS]) {
+            for (i, sums) in sums.iter_mut().enumerate() {
+                let row = FROM + i;
+                let factor = if row < PANEL {
+                    upper[row]
+                } else {
+                    lower[row - PANEL]
+                };
                 let factor = simd.splat_f32s(factor);
                 for (sum, &value) in sums.iter_mut().zip(&values) {
                     *sum = simd.mul_add_e_f32s(factor, value, *sum);
@@ -206,7 +228,7 @@ mod tests {
     #[test]
     fn products_of_all_shapes_match_the_definition() {
         let value = |i: usize| ((i * 37 + 11) % 23) as f32 - 11.0;
-        for rows in [1, 2, 4, 5, 8, 9, 17] {
+        for rows in [1, 2, 3, 4, 5, 6, 8, 9, 12, 17, 22, 24, 27] {
             for columns in [1, 15, 16, 17, 48, 49, 97, 130] {
                 for depth in [0, 1, 3, 513, 1030] {
                     let left = panels(rows, depth, |i, k| value(i * 31 + k * 7));

@@ -3,7 +3,8 @@
 //! Obstacles and regions are *open* sets: touching a border is allowed, and a point within the
 //! [tolerance](Workspace::tolerance) of a region's border is outside that region. The robot is a
 //! point. Obstacles may overlap, regions too; where obstacles share a border with each other or with
-//! the bounds there is no gap between them.
+//! the bounds there is no gap between them. Nor is there one between a region and what it shares a border with: who moves along
+//! a wall that a region touches is in that region, and between two regions in one of them.
 
 mod bands;
 mod cells;
@@ -366,13 +367,18 @@ impl Workspace {
             return Place::Obstacle(obstacle);
         }
         let mut props = Props::EMPTY;
-        let mut on_boundary = false;
+        let mut borders: SmallVec<[usize; 4]> = SmallVec::new();
         for i in self.region_index.polygons_near(p) {
             match self.region_side(i, p) {
                 Side::Inside => props = props.with(i),
-                Side::Boundary => on_boundary = true,
+                Side::Boundary => borders.push(i),
                 Side::Outside => {}
             }
+        }
+        let on_boundary = !borders.is_empty();
+        // Alone, a border has space of the other side along it, unless that is solid.
+        if borders.len() > 1 || on_boundary && self.is_beside_solid(p) {
+            props = self.props_around(p, props);
         }
         match self.alphabet.letter(props) {
             Some(letter) => Place::Free {
@@ -402,20 +408,76 @@ impl Workspace {
             return inside;
         }
         // Alone, a border has free space along it, unless it is that of the map.
-        let reach = 8.0 * self.tolerance;
-        if touching.len() == 1 && self.is_within(p, reach) {
+        if touching.len() == 1 && self.is_within(p, self.beside()) {
             return None;
         }
-        let solid = |k: usize| {
-            let angle = (k as f64 + 0.5) * std::f64::consts::TAU / 48.0;
-            let off = nalgebra::Vector2::new(libm::cos(angle), libm::sin(angle)) * reach;
-            if !self.bounds.contains(p + off) {
+        let solid = |p: Point2<f64>| {
+            if !self.bounds.contains(p) {
                 return true;
             }
-            let (inside, touching) = self.obstacles_at(p + off);
+            let (inside, touching) = self.obstacles_at(p);
             inside.is_some() || touching.len() > 1
         };
-        (0..48).all(solid).then(|| touching.iter().min().copied())?
+        let mut around = self.around(p);
+        around.all(solid).then(|| touching.iter().min().copied())?
+    }
+
+    /// How far from a border is beside it and no longer on it.
+    fn beside(&self) -> f64 {
+        8.0 * self.tolerance
+    }
+
+    /// Points around `p`, just off the borders that it lies on.
+    fn around(&self, p: Point2<f64>) -> impl Iterator<Item = Point2<f64>> + use<> {
+        let reach = self.beside();
+        (0..48).map(move |k| {
+            let angle = (f64::from(k) + 0.5) * std::f64::consts::TAU / 48.0;
+            p + nalgebra::Vector2::new(libm::cos(angle), libm::sin(angle)) * reach
+        })
+    }
+
+    /// Whether an obstacle or the end of the map touches `p`.
+    fn is_beside_solid(&self, p: Point2<f64>) -> bool {
+        !self.is_within(p, self.beside()) || self.is_on_obstacle(p, self.tolerance)
+    }
+
+    /// What the robot sees at a free place `p` on borders of regions: what it would see somewhere beside it, the least of that:
+    /// `props`, which hold off the borders, if it may.
+    fn props_around(&self, p: Point2<f64>, props: Props) -> Props {
+        let mut least: Option<Props> = None;
+        for at in self.around(p) {
+            let Some(there) = self.props_off_borders(at) else {
+                continue;
+            };
+            if there == props {
+                return props;
+            }
+            let rank = |props: Props| (props.iter().count(), props.0);
+            if least.is_none_or(|l| rank(there) < rank(l)) {
+                least = Some(there);
+            }
+        }
+        least.unwrap_or(props)
+    }
+
+    /// The regions that hold a place; `None` where it is not free, or on a border.
+    fn props_off_borders(&self, p: Point2<f64>) -> Option<Props> {
+        if !self.bounds.contains(p) {
+            return None;
+        }
+        let (inside, touching) = self.obstacles_at(p);
+        if inside.is_some() || !touching.is_empty() {
+            return None;
+        }
+        let mut props = Props::EMPTY;
+        for i in self.region_index.polygons_near(p) {
+            match self.region_side(i, p) {
+                Side::Inside => props = props.with(i),
+                Side::Boundary => return None,
+                Side::Outside => {}
+            }
+        }
+        Some(props)
     }
 
     /// The first obstacle that holds `p`, and those whose borders run there.

@@ -119,7 +119,8 @@ impl Workspace {
     }
 
     /// The letters along the segment `ab`, in order, neighbours different. A letter counts where
-    /// it holds over positive length: shared borders and touched corners make none. That of an end
+    /// it holds over positive length: touched borders and corners make none. Along a border it is that of one side: of the free one,
+    /// or of that with the fewest regions. That of an end
     /// that lies off all borders counts, however thin the region is there. A segment of no length
     /// has the one letter of its point.
     ///
@@ -291,7 +292,7 @@ impl Workspace {
         if segment.length <= self.tolerance {
             return None;
         }
-        let events = events(&self.obstacle_index, &segment, self.tolerance);
+        let events = events_along(&self.obstacle_index, &segment, self.tolerance);
         let mut blocked = None;
         for_each_interval(&events, &segment, self.tolerance, |polygon, from, to| {
             if blocked.is_none() {
@@ -325,7 +326,7 @@ impl Workspace {
                 cuts.retain(|t| from < *t && *t < to);
                 cuts.extend([from, to]);
                 cuts.sort_unstable_by(f64::total_cmp);
-                let off = segment.normal * (8.0 * self.tolerance);
+                let off = segment.normal * self.beside();
                 let solid = |p| !self.bounds.contains(p) || self.obstacle_at(p).is_some();
                 cuts.windows(2)
                     .filter(|w| (w[1] - w[0]) * segment.length > 2.0 * self.tolerance)
@@ -334,6 +335,17 @@ impl Workspace {
                     .and_then(blocked)
             }
         }
+    }
+
+    /// What a robot sees that moves along borders, at a place of its way: `props`, which hold off these borders, if so it is on one
+    /// side, otherwise what is on either side, the least of that. A border that a region shares with a wall or with another region is
+    /// no gap between them.
+    fn props_beside(&self, segment: &Segment, at: Point2<f64>, props: Props) -> Props {
+        let off = segment.normal * self.beside();
+        let sides = [at + off, at - off].map(|p| self.props_off_borders(p));
+        let free = sides.into_iter().flatten();
+        let least = free.min_by_key(|&p| (p != props, p.iter().count(), p.0));
+        least.unwrap_or(props)
     }
 
     /// The letters along a free segment whose first end carries `from`.
@@ -353,7 +365,7 @@ impl Workspace {
             found.push(first);
             return Ok(found);
         }
-        let events = events(&self.region_index, &segment, self.tolerance);
+        let events = events_along(&self.region_index, &segment, self.tolerance);
         if events.is_empty() {
             found.push(first);
             return Ok(found);
@@ -361,6 +373,8 @@ impl Workspace {
         // Regions whose border is not met contain all of the segment or nothing of it.
         let mut base = self.alphabet.props(from);
         let mut inside: SmallVec<[(usize, f64, f64); 8]> = SmallVec::new();
+        // Where the segment runs along borders.
+        let mut along: SmallVec<[(f64, f64); 4]> = SmallVec::new();
         let mut cuts: SmallVec<[f64; 16]> = SmallVec::from_slice(&[0.0, 1.0]);
         for &(polygon, _) in &events {
             base.0 &= !(1 << polygon);
@@ -368,11 +382,23 @@ impl Workspace {
         for_each_interval(&events, &segment, self.tolerance, |polygon, from, to| {
             let polygon = polygon as usize;
             let middle = segment.at((from + to) / 2.0);
-            if self.region_side(polygon, middle) == Side::Inside {
-                inside.push((polygon, from, to));
-                cuts.extend([from, to]);
+            match self.region_side(polygon, middle) {
+                Side::Inside => {
+                    inside.push((polygon, from, to));
+                    cuts.extend([from, to]);
+                }
+                Side::Boundary => {
+                    along.push((from, to));
+                    cuts.extend([from, to]);
+                }
+                Side::Outside => {}
             }
         });
+        if !along.is_empty() {
+            // What is beside a border changes where any other is met.
+            let walls = events_along(&self.obstacle_index, &segment, self.tolerance);
+            cuts.extend(walls.iter().chain(&events).map(|&(_, t)| t));
+        }
         cuts.sort_unstable_by(f64::total_cmp);
         for pair in cuts.windows(2) {
             // Borders that coincide up to rounding leave slivers between their events.
@@ -384,6 +410,11 @@ impl Workspace {
                 .iter()
                 .filter(|&&(_, from, to)| from < middle && middle < to)
                 .fold(base, |props: Props, &(i, ..)| props.with(i));
+            let on_border = along.iter().any(|&(from, to)| from < middle && middle < to);
+            let props = match on_border {
+                true => self.props_beside(&segment, segment.at(middle), props),
+                false => props,
+            };
             let letter = self.alphabet.letter(props).ok_or(Blocked {
                 by: None,
                 at: segment.at(middle),
@@ -415,7 +446,7 @@ fn free(at: Point2<f64>, place: Place) -> Result<(Letter, Option<Letter>), Block
 }
 
 /// All meetings of the segment with the edges of an index, sorted by polygon and parameter.
-fn events(index: &PolygonIndex, segment: &Segment, tolerance: f64) -> Events {
+fn events_along(index: &PolygonIndex, segment: &Segment, tolerance: f64) -> Events {
     let mut events = Events::new();
     index.edges_near(segment.a, segment.b, |edge| {
         for t in segment.meets(edge.from, edge.to, tolerance) {

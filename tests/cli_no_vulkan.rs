@@ -60,12 +60,13 @@ fn model() -> tempfile::TempDir {
     folder
 }
 
-/// The case study to its first plan, with the model in `folder`; the plan goes there, too.
+/// The case study to its first plan, which waits for the networks of the model in `folder`; the plan goes there, too.
 fn plan(folder: &Path, device: &str) -> Command {
     let mut command = command();
     command
         .args(["plan", &shipped("case-study.toml"), "--first"])
-        .args(["--sampler", "guided", "--device", device, "--model"])
+        .args(["--sampler", "guided", "--networks-first"])
+        .args(["--device", device, "--model"])
         .arg(folder)
         .arg("--out")
         .arg(folder.join("plan.json"));

@@ -6,6 +6,7 @@
 //! folder, and writes a report with plots there.
 
 mod convergence;
+mod entrant;
 mod groups;
 pub mod inference;
 mod report;
@@ -15,14 +16,14 @@ pub mod transfer;
 mod trials;
 
 use std::fmt;
-use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use crate::guidance::Guidance;
-use crate::planner::{Deferred, GuidanceError, Guide, PlanError, Problem, Sampler};
+use crate::planner::{GuidanceError, PlanError, Problem};
 
 pub use convergence::{Convergence, Descent, Mark, Reference, converge};
+pub use entrant::{Asked, Live};
 pub use groups::{COMPLEX_FROM, Classes, Group};
 pub use report::{RatioRow, Report, Row};
 pub use stats::{Measured, Ratio, Share, Summary, mean};
@@ -54,11 +55,6 @@ pub enum Strategy {
 }
 
 impl Strategy {
-    /// Whether it has asked the networks by the time of this iteration, if it ever does.
-    fn has_asked(self, iterations: u64) -> bool {
-        self != Self::Auto || iterations > Deferred::WORTH_IT
-    }
-
     /// Its name, as on the command line and in reports.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -115,6 +111,8 @@ pub struct Prediction {
     pub encode_seconds: f64,
     /// Seconds of the networks.
     pub infer_seconds: f64,
+    /// The networks themselves, if guided searches are to ask them anew and to begin meanwhile, as `plan` does.
+    pub live: Option<Live>,
 }
 
 impl Prediction {
@@ -157,36 +155,6 @@ impl Case {
             None => self.predictions.first(),
             Some(device) => self.predictions.iter().find(|p| p.device == *device),
         }
-    }
-
-    /// The contender's sampler; `None` if it needs predictions that this mission lacks.
-    fn sampler(&self, contender: &Contender) -> Result<Option<Sampler>, BenchError> {
-        let states = self.problem.task.nba.len();
-        let guide = |guidance: &Guidance| {
-            Guide::new(guidance, states).map_err(|source| BenchError::Guidance {
-                case: self.name.clone(),
-                source,
-            })
-        };
-        let guided = |guidance: &Guidance| Ok(Sampler::Guided(Arc::new(guide(guidance)?)));
-        Ok(match contender.strategy {
-            Strategy::Uniform => Some(Sampler::Uniform),
-            Strategy::Biased => Some(Sampler::Biased),
-            Strategy::Directed => Some(Sampler::Directed),
-            Strategy::Flat => Some(guided(&Guidance::flat(states))?),
-            Strategy::Guided => {
-                let predicted = self.prediction(contender);
-                predicted.map(|p| guided(&p.guidance)).transpose()?
-            }
-            Strategy::Auto => {
-                let predicted = self.prediction(contender).map(|p| guide(&p.guidance));
-                let found = predicted.transpose()?;
-                Some(Sampler::Deferred(Deferred::new(Deferred::WORTH_IT, || {
-                    found
-                })))
-            }
-            Strategy::Oracle => self.labels.as_ref().map(guided).transpose()?,
-        })
     }
 
     /// Seconds that encoding and networks take in this contender's search, if it asks them.

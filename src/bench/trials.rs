@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::groups::COMPLEX_FROM;
 use super::{BenchError, Case, Contender, Report};
-use crate::planner::{First, PlanError, Settings, Stats, Stop, plan};
+use crate::planner::{First, PlanError, Settings, Stats, Stop};
 
 /// Where a run's time went, in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -50,6 +50,10 @@ pub struct Trial {
     pub nodes: u64,
     /// Where the time went.
     pub times: Times,
+    /// From which iteration on the seconds of encoding and networks count beside those of the search; `None` if they passed meanwhile
+    /// and the search's seconds hold what it waited for them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub networks_after: Option<u64>,
 }
 
 impl Trial {
@@ -77,9 +81,9 @@ impl Trial {
     /// The same with encoding and networks, if they were asked by then.
     pub(super) fn seconds_until(&self, found: Option<First>) -> f64 {
         let iterations = found.map_or(self.cap, |f| f.iterations);
-        let networks = match self.contender.strategy.has_asked(iterations) {
-            true => self.times.networks(),
-            false => 0.0,
+        let networks = match self.networks_after {
+            Some(after) if iterations > after => self.times.networks(),
+            _ => 0.0,
         };
         networks + self.search_until(found)
     }
@@ -130,7 +134,7 @@ pub(super) fn of_case(
     let mut trials: Vec<Vec<Trial>> = vec![Vec::new(); contenders.len()];
     for turn in case.turns(contenders.len()) {
         let contender = &contenders[turn];
-        let Some(sampler) = case.sampler(contender)? else {
+        let Some(entrant) = case.entrant(contender, &comparison.settings)? else {
             continue;
         };
         for k in 0..comparison.trials {
@@ -139,15 +143,13 @@ pub(super) fn of_case(
                 first: true,
                 ..comparison.settings.clone()
             };
-            // No search profits from what another one found out about the map.
-            case.problem.system.forget();
-            let found = plan(&case.problem, &sampler, &settings, stop, &mut |_| {});
+            let (found, networks_after) = entrant.search(case, &settings, stop);
             // A search that was cut short says nothing about its sampler.
             if stop.is_raised() {
                 return Ok(None);
             }
             let stats = stats(case, found)?;
-            trials[turn].push(trial(case, contender, &settings, &stats));
+            trials[turn].push(trial(case, contender, &settings, &stats, networks_after));
         }
     }
     Ok(Some(trials.concat()))
@@ -168,12 +170,16 @@ pub(super) fn stats(
     }
 }
 
-fn trial(case: &Case, contender: &Contender, settings: &Settings, stats: &Stats) -> Trial {
-    let asked = contender.strategy.has_asked(stats.iterations);
-    let [encode, infer] = if asked {
-        case.network_seconds(contender)
-    } else {
-        [0.0; 2]
+fn trial(
+    case: &Case,
+    contender: &Contender,
+    settings: &Settings,
+    stats: &Stats,
+    networks_after: Option<u64>,
+) -> Trial {
+    let [encode, infer] = match networks_after {
+        Some(after) if stats.iterations <= after => [0.0; 2],
+        _ => case.network_seconds(contender),
     };
     Trial {
         case: case.name.clone(),
@@ -190,5 +196,6 @@ fn trial(case: &Case, contender: &Contender, settings: &Settings, stats: &Stats)
             infer,
             search: stats.seconds,
         },
+        networks_after,
     }
 }

@@ -11,7 +11,6 @@ use super::console::{Console, count, seconds};
 use super::failure::{Failure, JSON_VERSION};
 use super::files;
 use crate::mission::{self, Options, SamplerChoice};
-use crate::planner::Settings;
 use crate::render::Picture;
 use crate::scenario::Scenario;
 use crate::system::TransitionSystem;
@@ -108,7 +107,7 @@ pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Fa
         sampler,
         device: args.network.device.into(),
         model: args.network.model.clone(),
-        settings: Settings::default(),
+        ..Options::default()
     };
     let settings = BuildSettings {
         seed: args.seed,

@@ -88,6 +88,7 @@ pub(super) fn options(args: &PlanArgs) -> Options {
         },
         device: args.network.device.into(),
         model: args.network.model.clone(),
+        await_networks: args.heatmap.is_some(),
         settings: Settings {
             seed: search.seed,
             iterations: search.iterations,
@@ -109,6 +110,7 @@ pub(super) fn options(args: &PlanArgs) -> Options {
             lead: search.guided.lead,
             p_region: search.guided.p_region,
             corner: search.guided.corner,
+            networks_first: search.guided.networks_first,
         },
     }
 }
@@ -254,7 +256,7 @@ fn picture<'a>(args: &PlanArgs, scenario: &'a Scenario, planned: &'a Planned) ->
 /// Why there is no heatmap at a place where one was asked for.
 fn unwritten(heatmap: &Path) -> String {
     format!(
-        "{} was not written: the search ended before it asked the networks, or went by another sampler (--sampler guided asks them first, nngtl heatmap does nothing else)",
+        "{} was not written: the search ended before it asked the networks, or went by another sampler (--sampler guided --networks-first waits for them, nngtl heatmap does nothing else)",
         heatmap.display()
     )
 }
@@ -291,6 +293,7 @@ pub(super) fn describe(scenario: &Scenario, planned: &Planned) -> String {
     let sampler = file.sampler.as_deref().unwrap_or("unknown");
     let device = match &file.device {
         Some(device) => format!(", networks on {device}"),
+        None if sampler == "guided" => ", over before it needed the networks".to_owned(),
         None => String::new(),
     };
     let done = format!("planned and verified ({sampler} sampler{device})");

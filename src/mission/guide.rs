@@ -3,11 +3,12 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
+use super::think::Thinking;
 use super::{MissionError, Options, SamplerChoice};
 use crate::automaton::Task;
 use crate::encoding::{AutomatonGraph, Encoding, MapInput};
 use crate::guidance::Guidance;
-use crate::nn::{DeviceChoice, PredictError, Predictor};
+use crate::nn::{DeviceChoice, EncodedMission, PredictError, Predictor, Timings};
 use crate::planner::{Deferred, Guide, PlanError, Problem, Sampler};
 use crate::scenario::Scenario;
 use crate::system::{Spot, TransitionSystem, Ways};
@@ -85,49 +86,98 @@ pub fn predict_many(
     predictor: &mut Predictor,
     missions: &[Question<'_>],
 ) -> Vec<Result<Prediction, MissionError>> {
-    let [path, state] = predictor.encodings();
-    let [path_ways, state_ways] = predictor.read_ways();
     let encoded: Vec<_> = missions
         .iter()
-        .map(|question| {
-            let begin = Instant::now();
-            // Networks that read the same see the same.
-            let shared = path == state;
-            let first = encode(question, path, path_ways || shared && state_ways)?;
-            let second = (!shared)
-                .then(|| encode(question, state, state_ways))
-                .transpose()?;
-            Ok((first, second, begin.elapsed()))
-        })
+        .map(|question| Encoded::new(predictor, question))
         .collect();
-    let pairs: Vec<_> = encoded
-        .iter()
-        .flatten()
-        .map(|(first, second, _)| {
-            let second = second.as_ref().unwrap_or(first);
-            [(&first.0, &first.1), (&second.0, &second.1)]
-        })
-        .collect();
+    let pairs: Vec<_> = encoded.iter().flatten().map(Encoded::pair).collect();
     let mut predicted = predictor.predict_many(&pairs).into_iter();
-    let mut notice = predictor
-        .take_notice()
-        .map(|why| format!("{why}; the CPU ran the networks instead"));
     encoded
         .iter()
         .map(|mission| {
-            let (_, _, graph_time) = mission.as_ref().map_err(PredictError::clone)?;
+            let mission = mission.as_ref().map_err(PredictError::clone)?;
             let missing = PredictError::Inconsistent("the mission was not predicted");
-            let (guidance, timings) = predicted.next().unwrap_or(Err(missing))?;
-            Ok(Prediction {
-                guidance,
-                device: predictor.device().to_owned(),
-                model_hash: predictor.hash().to_owned(),
-                encode: (*graph_time + timings.encode).as_secs_f64(),
-                infer: (timings.start + timings.infer).as_secs_f64(),
-                notice: notice.take(),
-            })
+            let found = predicted.next().unwrap_or(Err(missing))?;
+            Ok(mission.prediction(predictor, found))
         })
         .collect()
+}
+
+/// As [`predict_with`], and tells the states' probabilities as soon as they are known.
+///
+/// # Errors
+/// [`MissionError::Predict`] for a mission that they do not fit.
+pub(super) fn predict_telling(
+    predictor: &mut Predictor,
+    question: &Question<'_>,
+    tell: &mut dyn FnMut(&[f32]),
+) -> Result<Prediction, MissionError> {
+    let mission = Encoded::new(predictor, question)?;
+    let found = predictor.predict_telling(mission.pair(), tell)?;
+    Ok(mission.prediction(predictor, found))
+}
+
+/// A mission as PathNet and StateNet see it; `None` where networks that read the same see the same.
+struct Encoded<'a> {
+    first: (MapInput<'a>, AutomatonGraph),
+    second: Option<(MapInput<'a>, AutomatonGraph)>,
+    seconds: f64,
+}
+
+impl<'a> Encoded<'a> {
+    fn new(predictor: &Predictor, question: &Question<'a>) -> Result<Self, PredictError> {
+        let begin = Instant::now();
+        let [path, state] = predictor.encodings();
+        let [path_ways, state_ways] = predictor.read_ways();
+        let shared = path == state;
+        let first = encode(question, path, path_ways || shared && state_ways)?;
+        let second = (!shared)
+            .then(|| encode(question, state, state_ways))
+            .transpose()?;
+        Ok(Self {
+            first,
+            second,
+            seconds: begin.elapsed().as_secs_f64(),
+        })
+    }
+
+    fn pair(&self) -> [EncodedMission<'_>; 2] {
+        let second = self.second.as_ref().unwrap_or(&self.first);
+        [(&self.first.0, &self.first.1), (&second.0, &second.1)]
+    }
+
+    /// What was predicted of it; what the user should know of the device is told with the first.
+    fn prediction(
+        &self,
+        predictor: &mut Predictor,
+        (guidance, timings): (Guidance, Timings),
+    ) -> Prediction {
+        let notice = predictor.take_notice();
+        Prediction {
+            guidance,
+            device: predictor.device().to_owned(),
+            model_hash: predictor.hash().to_owned(),
+            encode: self.seconds + timings.encode.as_secs_f64(),
+            infer: (timings.start + timings.infer).as_secs_f64(),
+            notice: notice.map(|why| format!("{why}; the CPU ran the networks instead")),
+        }
+    }
+}
+
+/// The automaton as networks of this encoding see it, and the regions that their channels stand for.
+fn graph(
+    task: &Task,
+    encoding: Encoding,
+) -> Result<(AutomatonGraph, Vec<Option<String>>), PredictError> {
+    match encoding {
+        Encoding::Own => {
+            let (graph, names) = AutomatonGraph::of_task(task).map_err(|_| {
+                PredictError::Inconsistent("a region of the task is not on the map")
+            })?;
+            Ok((graph, names.into_iter().map(Some).collect()))
+        }
+        Encoding::Published => Ok(AutomatonGraph::published(task)),
+    }
 }
 
 /// Map and automaton as networks of this encoding see them.
@@ -142,15 +192,7 @@ fn encode<'a>(
         start,
         task,
     } = question;
-    let (graph, names) = match encoding {
-        Encoding::Own => {
-            let (graph, names) = AutomatonGraph::of_task(task).map_err(|_| {
-                PredictError::Inconsistent("a region of the task is not on the map")
-            })?;
-            (graph, names.into_iter().map(Some).collect())
-        }
-        Encoding::Published => AutomatonGraph::published(task),
-    };
+    let (graph, names) = graph(task, encoding)?;
     let outline = |name: &Option<String>| {
         let region = map
             .regions()
@@ -177,7 +219,23 @@ fn encode<'a>(
 /// The sampler of a search, and what the networks say to it.
 pub(super) struct Chosen {
     pub(super) sampler: Sampler,
-    answer: Arc<Mutex<Answer>>,
+    source: Source,
+}
+
+/// Where to learn what the networks said.
+enum Source {
+    /// It is there, or will be when the search has asked.
+    Answer(Arc<Mutex<Answer>>),
+    /// They began when the search did.
+    Thinking {
+        networks: Thinking,
+        /// Whether what they say is told in any case.
+        is_wanted: bool,
+        /// Whether they must be through before the program may end: a driver does not like to be left alone.
+        on_adapter: bool,
+        /// What is said if the search was over before it waited for them.
+        unasked: Option<String>,
+    },
 }
 
 /// What the networks said, if they were asked.
@@ -197,24 +255,61 @@ impl Chosen {
     }
 
     fn new(sampler: Sampler, answer: Answer) -> Self {
-        let answer = Arc::new(Mutex::new(answer));
-        Self { sampler, answer }
+        let source = Source::Answer(Arc::new(Mutex::new(answer)));
+        Self { sampler, source }
     }
 
     /// A search's failure, with what a user should know of the networks.
-    pub(super) fn failed(&self, error: PlanError) -> PlanError {
-        match error {
-            PlanError::NotFound(mut why) => {
-                why.notices = self.answer().notices;
-                PlanError::NotFound(why)
+    pub(super) fn failed(&self, error: PlanError) -> MissionError {
+        match (error, self.answer()) {
+            (PlanError::NotFound(_), Err(networks)) => networks,
+            (PlanError::NotFound(mut why), Ok(answer)) => {
+                why.notices = answer.notices;
+                PlanError::NotFound(why).into()
             }
-            other => other,
+            (other, _) => other.into(),
         }
     }
 
-    /// What the networks have said by now.
-    pub(super) fn answer(&self) -> Answer {
-        std::mem::take(&mut self.answer.lock().unwrap_or_else(PoisonError::into_inner))
+    /// What the networks have said by now, if the search has asked them.
+    ///
+    /// # Errors
+    /// What kept the networks from an answer that was to guide.
+    pub(super) fn answer(&self) -> Result<Answer, MissionError> {
+        match &self.source {
+            Source::Answer(answer) => Ok(std::mem::take(
+                &mut answer.lock().unwrap_or_else(PoisonError::into_inner),
+            )),
+            Source::Thinking {
+                networks,
+                is_wanted,
+                on_adapter,
+                unasked,
+            } => {
+                let is_told = *is_wanted || networks.is_asked();
+                let prediction = (is_told || *on_adapter)
+                    .then(|| networks.finish())
+                    .flatten()
+                    .transpose()?;
+                Ok(match prediction.filter(|_| is_told) {
+                    Some(prediction) => Answer {
+                        waited: networks.waited(),
+                        ..Answer::new(prediction)
+                    },
+                    None => Answer::without_networks(unasked.clone()),
+                })
+            }
+        }
+    }
+
+    /// The name of the sampler that the search ended with.
+    pub(super) fn name(&self, answer: &Answer) -> &'static str {
+        match (&self.source, &self.sampler) {
+            (Source::Thinking { .. }, _) => "guided",
+            (_, Sampler::Deferred(_)) if answer.prediction.is_some() => "guided",
+            (_, Sampler::Deferred(_)) => Sampler::Directed.name(),
+            (_, other) => other.name(),
+        }
     }
 }
 
@@ -231,7 +326,7 @@ fn unasked(wanted: DeviceChoice, named: Option<&Predictor>) -> Option<String> {
         Some(None) => String::new(),
         Some(Some(missing)) => format!(": {missing}"),
     };
-    let why = "the search ended before it asked the networks (--sampler guided asks them first)";
+    let why = "the search ended before it asked the networks (--sampler guided --networks-first waits for them)";
     unused_device(wanted, &format!("{looked}: {why}"))
 }
 
@@ -256,20 +351,11 @@ impl Answer {
             ..Self::default()
         }
     }
-
-    /// The name of the sampler that the search ended with.
-    pub(super) fn sampler(&self, begun: &Sampler) -> &'static str {
-        match begun {
-            Sampler::Deferred(_) if self.prediction.is_some() => "guided",
-            Sampler::Deferred(_) => Sampler::Directed.name(),
-            other => other.name(),
-        }
-    }
 }
 
 /// The sampler that the options ask for. `auto` asks the networks when the search has lasted for some time, and never fails: what keeps
 /// the networks from guiding is told once, and the search goes by the same rules without predictions. Weights that were named
-/// must load.
+/// must load. `guided` begins to ask at once, and searches meanwhile, unless the settings want the networks first.
 pub(super) fn choose(
     scenario: &Scenario,
     problem: &Problem,
@@ -279,15 +365,58 @@ pub(super) fn choose(
         SamplerChoice::Uniform => Sampler::Uniform,
         SamplerChoice::Biased | SamplerChoice::Exact => Sampler::Biased,
         SamplerChoice::Directed => Sampler::Directed,
-        SamplerChoice::Guided => {
-            let mut networks = load(options)?;
-            let (guide, prediction) = ask(&mut networks, &scenario.workspace, problem)?;
-            let sampler = Sampler::Guided(Arc::new(guide));
-            return Ok(Chosen::new(sampler, Answer::new(prediction)));
+        SamplerChoice::Guided if options.settings.networks_first => {
+            return guided_from_the_first(scenario, problem, options);
         }
+        SamplerChoice::Guided => return guided(scenario, problem, options),
         SamplerChoice::Auto => return deferred(scenario, problem, options),
     };
     Ok(Chosen::plain(sampler, options.device))
+}
+
+/// Guided search that waits for the networks before its first sample.
+///
+/// # Errors
+/// As [`choose`].
+pub(super) fn guided_from_the_first(
+    scenario: &Scenario,
+    problem: &Problem,
+    options: &Options,
+) -> Result<Chosen, MissionError> {
+    let mut networks = load(options)?;
+    let (guide, prediction) = ask(&mut networks, &scenario.workspace, problem)?;
+    let sampler = Sampler::Guided(Arc::new(guide));
+    Ok(Chosen::new(sampler, Answer::new(prediction)))
+}
+
+fn guided(
+    scenario: &Scenario,
+    problem: &Problem,
+    options: &Options,
+) -> Result<Chosen, MissionError> {
+    let networks = load(options)?;
+    for encoding in networks.encodings() {
+        networks.fits(graph(&problem.task, encoding)?.0.regions)?;
+    }
+    let on_adapter = !networks.is_on_cpu();
+    let unasked = unasked(options.device, Some(&networks));
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let networks = Thinking::begin(
+        Arc::new(Mutex::new(networks)),
+        Arc::clone(&scenario.workspace),
+        problem.clone(),
+        cores > options.settings.threads,
+    );
+    let sampler = networks.sampler(options.settings.head_start(), problem);
+    Ok(Chosen {
+        sampler: Sampler::Deferred(sampler),
+        source: Source::Thinking {
+            networks,
+            is_wanted: options.await_networks,
+            on_adapter,
+            unasked,
+        },
+    })
 }
 
 fn deferred(
@@ -316,8 +445,10 @@ fn deferred(
         *into.lock().unwrap_or_else(PoisonError::into_inner) = said;
         guide
     });
-    let sampler = Sampler::Deferred(sampler);
-    Ok(Chosen { sampler, answer })
+    Ok(Chosen {
+        sampler: Sampler::Deferred(sampler),
+        source: Source::Answer(answer),
+    })
 }
 
 pub(super) fn load(options: &Options) -> Result<Predictor, MissionError> {

@@ -18,6 +18,7 @@
 mod explain;
 mod fold;
 mod guide;
+mod think;
 mod transfer;
 
 /// The Rust of the README, as a test.
@@ -42,6 +43,7 @@ use crate::verify::{self, Refusal, Verified};
 
 pub use explain::{AtStart, LetterFact, NotOnThisMap, OutOfReach, Unreachable, Walls};
 pub use guide::{Prediction, Question, predict, predict_many, predict_with};
+pub use think::Thinking;
 pub use transfer::{Change, build_library, replan_task, transfer_task};
 
 /// Which strategy plans a mission.
@@ -57,7 +59,8 @@ pub enum SamplerChoice {
     Biased,
     /// The rules of guided sampling without networks.
     Directed,
-    /// Sampling guided by the networks.
+    /// Sampling guided by the networks, which run while the search takes its first steps
+    /// ([`Deferred::HEAD_START`](crate::planner::Deferred::HEAD_START), [`Settings::networks_first`]).
     Guided,
     /// No sampling: the exact planner.
     Exact,
@@ -74,6 +77,8 @@ pub struct Options {
     pub model: Option<PathBuf>,
     /// Budget, seed and parameters of the search.
     pub settings: Settings,
+    /// Whether a guided search that was over before it needed the networks waits for what they say, as for a picture of it.
+    pub await_networks: bool,
 }
 
 /// A plan that has passed the checker, and what it took.
@@ -203,12 +208,12 @@ pub fn plan_task(
     let searched = Instant::now();
     let found = planner::plan(&problem, &chosen.sampler, &options.settings, stop, observe);
     let solution = found.map_err(|e| chosen.failed(e))?;
-    let answer = chosen.answer();
+    let answer = chosen.answer()?;
     let search = searched.elapsed().as_secs_f64() - answer.waited;
 
     let (path, verified) = accepted(scenario, &task, options, solution.path, &solution.cost)?;
     let mut file = file(scenario, &task, &path, verified.cost);
-    file.sampler = Some(answer.sampler(&chosen.sampler).to_owned());
+    file.sampler = Some(chosen.name(&answer).to_owned());
     file.seed = Some(options.settings.seed);
     file.first = solution.stats.first_plan.map(first);
     file.first_prefix = solution.stats.first_prefix.map(first);

@@ -71,6 +71,7 @@ pub fn transfer_task(
     check_reachable(scenario, &task, &*problem.system)?;
     let chosen = match options.sampler {
         SamplerChoice::Auto => guide::Chosen::plain(Sampler::Directed, options.device),
+        SamplerChoice::Guided => guide::guided_from_the_first(scenario, &problem, options)?,
         _ => guide::choose(scenario, &problem, options)?,
     };
     let searched = Instant::now();
@@ -89,7 +90,7 @@ pub fn transfer_task(
         (solution.path, solution.cost) = shortened(&problem, options, solution.path, cost);
     }
     let search = searched.elapsed().as_secs_f64();
-    let answer = chosen.answer();
+    let answer = chosen.answer()?;
     let (path, verified) = accepted(scenario, &task, options, solution.path, &solution.cost)?;
     let mut file = file(scenario, &task, &path, verified.cost);
     file.sampler = Some(format!("transfer-{}", chosen.sampler.name()));

@@ -99,6 +99,18 @@ impl Predictor {
             .unwrap_or(0)
     }
 
+    /// Whether a mission that uses so many regions has a prediction.
+    ///
+    /// # Errors
+    /// [`PredictError::TooManyRegions`].
+    pub fn fits(&self, used: usize) -> Result<(), PredictError> {
+        let labels = self.labels();
+        if used > labels {
+            return Err(PredictError::TooManyRegions { used, labels });
+        }
+        Ok(())
+    }
+
     /// Whether PathNet and StateNet read the lengths of ways between regions ([`MapInput::ways`]).
     #[must_use]
     pub fn read_ways(&self) -> [bool; 2] {
@@ -121,6 +133,12 @@ impl Predictor {
     #[must_use]
     pub fn device(&self) -> &str {
         self.backend.name()
+    }
+
+    /// Whether the CPU runs the networks.
+    #[must_use]
+    pub fn is_on_cpu(&self) -> bool {
+        self.device() == Backend::Cpu.name()
     }
 
     /// Why the CPU is to run the networks although another device was asked for, unless that was taken already.
@@ -177,6 +195,64 @@ impl Predictor {
         found
             .pop()
             .unwrap_or(Err(PredictError::Inconsistent("there is no mission")))
+    }
+
+    /// As [`Self::predict_each`], and tells the states' probabilities as soon as they are known: on the CPU before PathNet runs.
+    ///
+    /// # Errors
+    /// As [`Self::predict`].
+    pub fn predict_telling(
+        &mut self,
+        missions: [EncodedMission<'_>; 2],
+        tell: &mut dyn FnMut(&[f32]),
+    ) -> Result<(Guidance, Timings), PredictError> {
+        let mut rasters = std::mem::take(&mut self.rasters);
+        rasters.resize_with(2.max(rasters.len()), MapTensor::default);
+        let begin = Instant::now();
+        let given = match rasters.as_chunks_mut::<2>().0 {
+            [rasters, ..] => self.encode(&missions, rasters)?,
+            [] => return Err(PredictError::Inconsistent("there is no raster")),
+        };
+        let encode = begin.elapsed();
+        let begin = Instant::now();
+        let output = self.run_telling(&given, &mut |states| {
+            let states = Guidance {
+                heatmap: Heatmap::flat(0),
+                states: states.to_vec(),
+            };
+            tell(&states.quantised().states);
+        });
+        self.rasters = rasters;
+        let guidance = self.guidance(output)?;
+        let timings = Timings {
+            encode,
+            start: std::mem::take(&mut self.start),
+            infer: begin.elapsed(),
+        };
+        Ok((guidance, timings))
+    }
+
+    /// Runs StateNet, tells what it says, and runs PathNet; on an adapter both in one submission, which takes no longer than one.
+    fn run_telling(
+        &mut self,
+        inputs: &[Inputs<'_>; 2],
+        tell: &mut dyn FnMut(&[f32]),
+    ) -> [Vec<f32>; 2] {
+        let programs = self.models.each_ref().map(|m| &m.program);
+        match self.backend.run(programs, std::slice::from_ref(inputs)) {
+            Some(Ok(mut outputs)) if outputs.len() == 1 => {
+                let output = outputs.remove(0);
+                tell(&output[1]);
+                return output;
+            }
+            Some(Ok(_)) | None => {}
+            Some(Err(reason)) => self.fall_back(reason),
+        }
+        let [path_model, state_model] = &*self.models;
+        let [path, state] = &mut self.sessions;
+        let states = state.run(&state_model.program, &inputs[1]).to_vec();
+        tell(&states);
+        [path.run(&path_model.program, &inputs[0]).to_vec(), states]
     }
 
     /// As [`Self::predict_each`], for many missions: on adapters one read-back for all of them, on

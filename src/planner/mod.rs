@@ -28,7 +28,7 @@ use crate::plan::{Cost, Path};
 use crate::system::{Spot, TransitionSystem};
 
 pub(crate) use sampler::{Aim, Draw, View};
-pub use sampler::{Deferred, GuidanceError, Guide, HeatmapSums, Sampler};
+pub use sampler::{Ask, Deferred, GuidanceError, Guide, HeatmapSums, Sampler};
 pub use search::{plan, profile};
 pub use settings::{Settings, SettingsError, Stop};
 pub use split::Split;
@@ -114,6 +114,21 @@ pub struct Stats {
 
 fn one() -> u64 {
     1
+}
+
+impl Stats {
+    /// Counts time from so many seconds before the search began.
+    pub(crate) fn delay(&mut self, seconds: f64) {
+        let firsts = [&mut self.first_prefix, &mut self.first_plan];
+        firsts
+            .into_iter()
+            .flatten()
+            .for_each(|first| first.seconds += seconds);
+        self.improvements
+            .iter_mut()
+            .for_each(|i| i.seconds += seconds);
+        self.seconds += seconds;
+    }
 }
 
 /// A plan found by search.

@@ -22,7 +22,8 @@ use crate::random::Random;
 use crate::system::TransitionSystem;
 
 use closing::Closing;
-pub use deferred::Deferred;
+pub(super) use deferred::Ahead;
+pub use deferred::{Ask, Deferred};
 pub use heat::{GuidanceError, HeatmapSums};
 
 /// Which strategy proposes points.
@@ -36,14 +37,15 @@ pub enum Sampler {
     Directed,
     /// As the networks predict (C-1, C-2).
     Guided(Arc<Guide>),
-    /// [`Directed`](Self::Directed) until it is worth while to ask the networks, then [`Guided`](Self::Guided).
+    /// [`Directed`](Self::Directed) until the networks have answered, then [`Guided`](Self::Guided).
     Deferred(Arc<Deferred>),
 }
 
 /// Predictions prepared for fast drawing.
 #[derive(Clone, Debug)]
 pub struct Guide {
-    sums: Arc<HeatmapSums>,
+    /// None where only the states are predicted.
+    sums: Option<Arc<HeatmapSums>>,
     states: Vec<f64>,
 }
 
@@ -53,24 +55,34 @@ impl Guide {
     /// # Errors
     /// Predictions of the wrong size, or values that are not finite.
     pub fn new(guidance: &Guidance, states: usize) -> Result<Self, GuidanceError> {
-        if guidance.states.len() != states {
+        let mut guide = Self::of_states(&guidance.states, states)?;
+        guide.sums = Some(Arc::new(HeatmapSums::new(&guidance.heatmap)?));
+        Ok(guide)
+    }
+
+    /// As [`Self::new`] without a heatmap: points are drawn as [`Sampler::Directed`] draws them.
+    ///
+    /// # Errors
+    /// Not one probability for each state.
+    pub fn of_states(probabilities: &[f32], states: usize) -> Result<Self, GuidanceError> {
+        if probabilities.len() != states {
             return Err(GuidanceError::States {
                 expected: states,
-                found: guidance.states.len(),
+                found: probabilities.len(),
             });
         }
         // 16 bits: what differs between devices in the last bits must not change a plan.
         let quantise = |p: &f32| f64::from((p.clamp(0.0, 1.0) * 65_535.0).round()) / 65_535.0;
         Ok(Self {
-            sums: Arc::new(HeatmapSums::new(&guidance.heatmap)?),
-            states: guidance.states.iter().map(quantise).collect(),
+            sums: None,
+            states: probabilities.iter().map(quantise).collect(),
         })
     }
 
     /// For an automaton whose states stand for these.
     fn for_states(&self, origin: &[StateId]) -> Self {
         Self {
-            sums: Arc::clone(&self.sums),
+            sums: self.sums.clone(),
             states: origin.iter().map(|q| self.states[q.index()]).collect(),
         }
     }

@@ -12,7 +12,7 @@ use rustc_hash::FxHashMap;
 use super::advice::advice;
 use super::parallel::{self, Race};
 use super::polish::Polish;
-use super::sampler::{Aim, Sampler};
+use super::sampler::{Ahead, Aim, Sampler};
 use super::settings::{Settings, Stop};
 use super::split::Split;
 use super::suffix::SuffixTree;
@@ -113,6 +113,8 @@ pub(super) struct Search<'a> {
     advice: Option<Task>,
     /// Who proposes points now.
     sampler: Sampler,
+    /// Who does so later, if that is decided later.
+    ahead: Option<Ahead>,
     settings: &'a Settings,
     random: Random,
     began: Instant,
@@ -158,6 +160,7 @@ impl<'a> Search<'a> {
             problem,
             advice: advice(problem),
             sampler: ground.sampler(sampler),
+            ahead: Ahead::of(sampler),
             settings,
             random: generator(settings.seed, stream),
             began: Instant::now(),
@@ -229,8 +232,8 @@ impl<'a> Search<'a> {
                 }
             }
             self.stats.iterations += 1;
-            if let Sampler::Deferred(deferred) = &self.sampler
-                && let Some(next) = deferred.successor(self.stats.iterations)
+            if let Some(ahead) = &mut self.ahead
+                && let Some(next) = ahead.successor(self.stats.iterations)
             {
                 self.sampler = self.ground.sampler(&next);
             }

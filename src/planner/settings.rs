@@ -70,6 +70,9 @@ pub struct Settings {
     /// Probability that a guided point is drawn from the target's region once a straight leg leads there, or from
     /// the region that such a leg crosses, and not from the rectangle of C-2 (ours; 0 is the paper's rule).
     pub p_region: f64,
+    /// Whether a guided search waits for the networks before its first sample (the papers' way), and not only before the samples of
+    /// [`Deferred::HEAD_START`](super::Deferred::HEAD_START), so that it begins while they run (ours).
+    pub networks_first: bool,
     /// Where a wall hides the target, guided points come from squares of all sizes around the corner at which the shortest way
     /// bends; the largest one's half side, relative to the map's side. In sight, C-2's rectangle is grown by as much (ours; 0 is
     /// the paper's rule).
@@ -99,6 +102,7 @@ impl Default for Settings {
             lead: 0.95,
             p_region: 0.98,
             corner: 0.04,
+            networks_first: false,
         }
     }
 }
@@ -125,6 +129,7 @@ impl Settings {
             lead: 0.0,
             p_region: 0.0,
             corner: 0.0,
+            networks_first: true,
             ..self
         }
     }
@@ -245,6 +250,15 @@ impl Settings {
             count: (self.neighbours * log).max(wide).ceil() as usize,
             more: MORE_NEIGHBOURS,
         }
+    }
+
+    /// How many samples a guided search draws before StateNet's answer, and how many before PathNet's.
+    #[must_use]
+    pub fn head_start(&self) -> [u64; 2] {
+        if self.networks_first {
+            return [0; 2];
+        }
+        super::Deferred::HEAD_START
     }
 
     /// Whether plans are shortened.

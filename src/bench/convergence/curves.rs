@@ -110,6 +110,7 @@ mod tests {
             iterations: 1_000,
             seconds: 1.0,
             network_seconds: 0.5,
+            networks_after: Some(0),
             verified: None,
         }
     }

@@ -12,7 +12,7 @@ use super::groups::{Group, groups};
 use super::trials::stats;
 use super::{BenchError, Case, Contender};
 use crate::exact;
-use crate::planner::{Improvement, Problem, Settings, Solution, Stop, plan};
+use crate::planner::{Improvement, Problem, Settings, Solution, Stop};
 use crate::verify::verify;
 
 pub(super) use curves::{Along, curve};
@@ -88,8 +88,12 @@ pub struct Descent {
     pub iterations: u64,
     /// Seconds of the whole search.
     pub seconds: f64,
-    /// Seconds of encoding and networks, before it or when it asked them.
+    /// Seconds of encoding and networks.
     pub network_seconds: f64,
+    /// From which iteration on they count beside those of the search; `None` if they passed meanwhile and the search's seconds hold
+    /// what it waited for them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub networks_after: Option<u64>,
     /// Whether the checker accepted the last plan; `None` without a plan, or without a formula to
     /// check it by.
     pub verified: Option<bool>,
@@ -98,9 +102,9 @@ pub struct Descent {
 impl Descent {
     /// Seconds with encoding and networks, for a moment of the search.
     fn whole(&self, iterations: u64, seconds: f64) -> f64 {
-        match self.contender.strategy.has_asked(iterations) {
-            true => seconds + self.network_seconds,
-            false => seconds,
+        match self.networks_after {
+            Some(after) if iterations > after => seconds + self.network_seconds,
+            _ => seconds,
         }
     }
 
@@ -229,11 +233,10 @@ fn descend(
     settings: &Settings,
     stop: &Stop,
 ) -> Result<Option<Descent>, BenchError> {
-    let Some(sampler) = case.sampler(contender)? else {
+    let Some(entrant) = case.entrant(contender, settings)? else {
         return Ok(None);
     };
-    case.problem.system.forget();
-    let found = plan(&case.problem, &sampler, settings, stop, &mut |_| {});
+    let (found, networks_after) = entrant.search(case, settings, stop);
     let solution = found.as_ref().ok();
     let verified = solution.and_then(|solution| check(&case.problem, solution));
     let stats = stats(case, found)?;
@@ -244,6 +247,7 @@ fn descend(
         iterations: stats.iterations,
         seconds: stats.seconds,
         network_seconds: case.network_seconds(contender).iter().sum(),
+        networks_after,
         verified,
     }))
 }

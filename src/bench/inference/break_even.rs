@@ -119,6 +119,7 @@ pub fn generated_cases(seed: u64, count: usize, predictor: &mut Predictor) -> Ve
                 guidance,
                 encode_seconds: 0.0,
                 infer_seconds: times.median,
+                live: None,
             }],
             labels: None,
         });
@@ -145,7 +146,11 @@ pub fn break_even(
             .map(Into::into)
             .to_vec(),
         trials,
-        settings: settings.clone(),
+        settings: Settings {
+            // What networks save is told apart from what they take.
+            networks_first: true,
+            ..settings.clone()
+        },
     };
     let report = compare(cases, &comparison, stop, progress)?;
     let mut missions = Vec::new();

@@ -232,7 +232,6 @@ fn ratio_row(
 pub(super) mod tests {
     use super::*;
     use crate::bench::Times;
-    use crate::planner::Deferred;
     use crate::planner::Settings;
 
     const CAP: u64 = 20_000;
@@ -265,6 +264,7 @@ pub(super) mod tests {
                 infer: 0.002,
                 search: 1e-5 * iterations.unwrap_or(CAP) as f64,
             },
+            networks_after: Some(0),
         }
     }
 
@@ -296,13 +296,14 @@ pub(super) mod tests {
 
     #[test]
     fn the_time_of_networks_counts_from_when_they_are_asked() {
-        let asked = Deferred::WORTH_IT + 1;
-        for (strategy, iterations, networks) in [
-            (Strategy::Guided, 1, 2.5),
-            (Strategy::Auto, asked - 1, 0.0),
-            (Strategy::Auto, asked, 2.5),
+        for (after, iterations, networks) in [
+            (Some(0), 1, 2.5),
+            (Some(100), 100, 0.0),
+            (Some(100), 101, 2.5),
+            (None, 101, 0.0),
         ] {
-            let trial = trial("m", None, strategy, Some(iterations));
+            let mut trial = trial("m", None, Strategy::Guided, Some(iterations));
+            trial.networks_after = after;
             let whole = 1e3 * trial.seconds_until(trial.plan);
             assert!((whole - networks - 0.01 * iterations as f64).abs() < 1e-9);
         }

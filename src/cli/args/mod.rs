@@ -434,4 +434,7 @@ pub(super) struct GuidedArgs {
     /// Directed and guided: half side of the square around the next corner of the shortest way, relative to the map's side
     #[arg(long, value_name = "R", default_value_t = Settings::default().corner)]
     pub(super) corner: f64,
+    /// Guided: wait for the networks before the first sample, and not only before the 9th (StateNet) and the 25th (PathNet)
+    #[arg(long)]
+    pub(super) networks_first: bool,
 }

@@ -2,20 +2,21 @@
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
+use std::thread;
 use std::time::Instant;
 
 use nalgebra::Point2;
 
 use crate::automaton::Task;
-use crate::bench::{Case, Prediction};
+use crate::bench::{Asked, Case, Live, Prediction};
 use crate::cli::args::BenchMissionArgs;
 use crate::cli::console::Console;
 use crate::cli::failure::Failure;
 use crate::dataset::maps::Family;
 use crate::dataset::{self, GenerateConfig, LabelledMission};
 use crate::guidance::Guidance;
-use crate::mission::{self, MissionError, Question};
+use crate::mission::{self, MissionError, Question, Thinking};
 use crate::nn::Predictor;
 use crate::planner::{Problem, Stop};
 use crate::scenario::Scenario;
@@ -53,7 +54,7 @@ impl Mission {
     }
 }
 
-/// The missions of these files and folders, with the predictions of one device.
+/// The missions of these files and folders, with the predictions of one device, which searches do not ask anew.
 pub(in crate::cli) fn missions(
     paths: &[PathBuf],
     limit: Option<usize>,
@@ -61,7 +62,10 @@ pub(in crate::cli) fn missions(
     console: &Console,
 ) -> Result<Vec<Case>, Failure> {
     let found = read_all(paths, limit, console)?;
-    cases(found, std::slice::from_mut(predictor), console)
+    let mut cases = cases(found, std::slice::from_mut(predictor), console)?;
+    let predictions = cases.iter_mut().flat_map(|case| &mut case.predictions);
+    predictions.for_each(|p| p.live = None);
+    Ok(cases)
 }
 
 /// The missions that the arguments ask for.
@@ -183,6 +187,7 @@ pub(super) fn cases(
     predictors: &mut [Predictor],
     console: &Console,
 ) -> Result<Vec<Case>, Failure> {
+    let mut networks = Vec::new();
     let mut predictions: Vec<Vec<Prediction>> = missions.iter().map(|_| Vec::new()).collect();
     let worlds: Vec<Continuous> = missions
         .iter()
@@ -202,6 +207,7 @@ pub(super) fn cases(
     for predictor in predictors {
         let device = predictor.device().to_owned();
         let found = mission::predict_many(predictor, &asked);
+        networks.push((device.clone(), Arc::new(Mutex::new(predictor.clone()))));
         for ((mission, all), prediction) in missions.iter().zip(&mut predictions).zip(found) {
             match prediction {
                 Ok(prediction) => {
@@ -213,6 +219,7 @@ pub(super) fn cases(
                         guidance: prediction.guidance,
                         encode_seconds: prediction.encode,
                         infer_seconds: prediction.infer,
+                        live: None,
                     });
                 }
                 Err(e) => console.warn(&format!("{}: without guidance: {e}", mission.name)),
@@ -223,20 +230,41 @@ pub(super) fn cases(
         .into_iter()
         .zip(worlds)
         .zip(predictions)
-        .map(|((mission, system), predictions)| {
+        .map(|((mission, system), mut predictions)| {
+            let problem = Problem {
+                start: system.start(),
+                system: Arc::new(system),
+                task: Arc::new(mission.task),
+                weight: mission.weight,
+            };
+            for (device, networks) in &networks {
+                let prediction = predictions.iter_mut().find(|p| p.device == *device);
+                if let Some(prediction) = prediction {
+                    prediction.live = Some(live(networks, &mission.map, &problem));
+                }
+            }
             Ok(Case {
                 name: mission.name,
                 family: mission.family.map(|f| f.name().to_owned()),
-                problem: Problem {
-                    start: system.start(),
-                    system: Arc::new(system),
-                    task: Arc::new(mission.task),
-                    weight: mission.weight,
-                },
+                problem,
                 translate_seconds: mission.translate_seconds,
                 predictions,
                 labels: mission.labels,
             })
         })
         .collect()
+}
+
+/// The networks as a guided search asks them: they run while it begins.
+fn live(networks: &Arc<Mutex<Predictor>>, map: &Arc<Workspace>, problem: &Problem) -> Live {
+    let (networks, map, problem) = (Arc::clone(networks), Arc::clone(map), problem.clone());
+    let aside = thread::available_parallelism().is_ok_and(|cores| cores.get() > 1);
+    Live::new(move |head_start| {
+        let (networks, map) = (Arc::clone(&networks), Arc::clone(&map));
+        let thinking = Thinking::begin(networks, map, problem.clone(), aside);
+        Asked {
+            sampler: thinking.sampler(head_start, &problem),
+            finish: Box::new(move || drop(thinking.finish())),
+        }
+    })
 }

@@ -315,6 +315,7 @@ fn settings(args: &BenchArgs) -> Settings {
         lead: args.guided.lead,
         p_region: args.guided.p_region,
         corner: args.guided.corner,
+        networks_first: args.guided.networks_first,
         ..Settings::default()
     };
     if args.paper_rule {

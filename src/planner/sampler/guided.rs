@@ -11,7 +11,7 @@
 use nalgebra::Point2;
 
 use super::choices::{Destination, Preference, Target, destination, in_box, settle};
-use super::heat::Frame;
+use super::heat::{Frame, HeatmapSums};
 use super::{Draw, Guide, View, uniform};
 use crate::alphabet::Letter;
 use crate::random::{Random, chance, unit, weighted};
@@ -67,17 +67,18 @@ pub(super) fn draw(guide: Option<&Guide>, view: &View<'_>, random: &mut Random) 
         return super::biased::towards(view, closest, target, random);
     }
     let from = view.tree.spot(closest);
+    let heat = guide.and_then(|g| g.sums.as_deref());
     let at = match aim(view, from, target, random)? {
         Area::Region(letter) if corner.is_some() => {
             super::entrance::beside(view, target.at, letter, random)
         }
         Area::Region(letter) => {
-            let at = in_region(guide, view, letter, random);
+            let at = in_region(heat, view, letter, random);
             super::entrance::pulled(view, &from, at, letter, random)
         }
-        Area::Between(a, b, margin) => in_rectangle(guide, view, a, b, margin, random)?,
+        Area::Between(a, b, margin) => in_rectangle(heat, view, a, b, margin, random)?,
         Area::Along([a, b]) => a + (b - a) * unit(random),
-        Area::Corner(corner) => in_corner(guide, view, from, target, corner, random)?,
+        Area::Corner(corner) => in_corner(heat, view, from, target, corner, random)?,
     };
     Some(Draw {
         at,
@@ -145,7 +146,7 @@ fn aim(view: &View<'_>, from: Spot, target: Target, random: &mut Random) -> Opti
 /// A point near a corner that one leg leads to: of some that are drawn from squares of all sizes around the corner the one
 /// with the shortest way left.
 fn in_corner(
-    guide: Option<&Guide>,
+    heat: Option<&HeatmapSums>,
     view: &View<'_>,
     from: Spot,
     target: Target,
@@ -158,9 +159,9 @@ fn in_corner(
     for k in 0..CORNER_TRIES {
         // Until there is a plan every second point is free of the heatmap: where that is wrong, a gap must not take hundreds of
         // samples.
-        let guide = guide.filter(|_| k % 2 == 0 || view.is_improving());
+        let heat = heat.filter(|_| k % 2 == 0 || view.is_improving());
         let margin = view.settings.corner * side * libm::exp2(-SIZES * unit(random));
-        let at = in_rectangle(guide, view, corner, corner, margin, random)?;
+        let at = in_rectangle(heat, view, corner, corner, margin, random)?;
         last = Some(at);
         if let Some(there) = view.system.settle(at)
             && view.system.step(&from, &there)
@@ -176,21 +177,21 @@ fn in_corner(
 
 /// A point of the space with a letter, where the heatmap prefers it.
 fn in_region(
-    guide: Option<&Guide>,
+    heat: Option<&HeatmapSums>,
     view: &View<'_>,
     letter: Letter,
     random: &mut Random,
 ) -> Point2<f64> {
     let draw = |random: &mut Random| view.system.sample_letter(letter, random);
-    let Some(guide) = guide else {
+    let Some(heat) = heat else {
         return draw(random);
     };
-    let frame = Frame::new(view.system.bounds(), guide.sums.side());
+    let frame = Frame::new(view.system.bounds(), heat.side());
     let candidates: [Point2<f64>; CANDIDATES] = std::array::from_fn(|_| draw(random));
     let weights = candidates.map(|at| {
         let (cell, _) = frame.rectangle(at, at);
         // One more than the prediction's least step: a region may lie in the dark.
-        guide.sums.weight(cell, cell) as f64 + 1.0
+        heat.weight(cell, cell) as f64 + 1.0
     });
     let chosen = weighted(random, weights.into_iter()).unwrap_or(0);
     candidates[chosen]
@@ -198,7 +199,7 @@ fn in_region(
 
 /// C-2: a cell of a rectangle in proportion to its weight, then a point of the cell.
 fn in_rectangle(
-    guide: Option<&Guide>,
+    heat: Option<&HeatmapSums>,
     view: &View<'_>,
     a: Point2<f64>,
     b: Point2<f64>,
@@ -211,11 +212,11 @@ fn in_rectangle(
         bounds.clip(a.inf(&b) - grown),
         bounds.clip(a.sup(&b) + grown),
     );
-    let frame = Frame::new(bounds, guide.map_or(SIDE, |g| g.sums.side()));
+    let frame = Frame::new(bounds, heat.map_or(SIDE, HeatmapSums::side));
     let (first, last) = frame.rectangle(low, high);
-    settle(view, random, |random| match guide {
-        Some(guide) => {
-            let (i, j) = guide.sums.draw(random, first, last);
+    settle(view, random, |random| match heat {
+        Some(heat) => {
+            let (i, j) = heat.draw(random, first, last);
             in_box(random, frame.corner(i, j), frame.corner(i + 1, j + 1))
         }
         None => in_box(

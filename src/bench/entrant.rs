@@ -1,0 +1,133 @@
+//! What contenders search with, and what of the networks' time counts.
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::{BenchError, Case, Contender, Strategy};
+use crate::guidance::Guidance;
+use crate::planner::{Ask, Deferred, Guide, PlanError, Sampler, Settings, Solution, Stop, plan};
+
+/// Networks that a search asks about its mission when it begins.
+#[derive(Clone)]
+pub struct Live(Arc<dyn Fn([u64; 2]) -> Asked + Send + Sync>);
+
+/// Networks that have been asked.
+pub struct Asked {
+    /// What searches as they will have answered.
+    pub sampler: Arc<Deferred>,
+    /// Waits until they are through: another search must not have them beside it.
+    pub finish: Box<dyn FnOnce()>,
+}
+
+impl Live {
+    /// Asks in this way; told are the samples that a search draws before StateNet's and before PathNet's answer.
+    pub fn new(ask: impl Fn([u64; 2]) -> Asked + Send + Sync + 'static) -> Self {
+        Self(Arc::new(ask))
+    }
+}
+
+impl fmt::Debug for Live {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Live").finish_non_exhaustive()
+    }
+}
+
+impl Case {
+    /// What a contender searches with; `None` if it needs predictions that this mission lacks.
+    pub(super) fn entrant(
+        &self,
+        contender: &Contender,
+        settings: &Settings,
+    ) -> Result<Option<Entrant>, BenchError> {
+        let states = self.problem.task.nba.len();
+        let fits = |source| BenchError::Guidance {
+            case: self.name.clone(),
+            source,
+        };
+        let guide = |guidance: &Guidance| Guide::new(guidance, states).map_err(fits);
+        let guided = |guidance: &Guidance| Ok(Sampler::Guided(Arc::new(guide(guidance)?)));
+        let sampler = match contender.strategy {
+            Strategy::Uniform => Sampler::Uniform,
+            Strategy::Biased => Sampler::Biased,
+            Strategy::Directed => Sampler::Directed,
+            Strategy::Flat => guided(&Guidance::flat(states))?,
+            Strategy::Guided => {
+                let Some(prediction) = self.prediction(contender) else {
+                    return Ok(None);
+                };
+                let head_start = settings.head_start();
+                let guide = guide(&prediction.guidance)?;
+                if let Some(live) = &prediction.live {
+                    return Ok(Some(Entrant::Live(live.clone(), head_start)));
+                }
+                let by_states = Guide::of_states(&prediction.guidance.states, states);
+                let by_states = by_states.map_err(fits)?;
+                let [first, second] = head_start;
+                return Ok(Some(Entrant::Asks {
+                    sampler: Sampler::Deferred(Deferred::in_stages([
+                        (first, Box::new(|| Some(by_states)) as Ask),
+                        (second, Box::new(|| Some(guide)) as Ask),
+                    ])),
+                    after: first,
+                }));
+            }
+            Strategy::Auto => {
+                let predicted = self.prediction(contender).map(|p| guide(&p.guidance));
+                let found = predicted.transpose()?;
+                let after = Deferred::WORTH_IT;
+                return Ok(Some(Entrant::Asks {
+                    sampler: Sampler::Deferred(Deferred::new(after, || found)),
+                    after,
+                }));
+            }
+            Strategy::Oracle => match &self.labels {
+                Some(labels) => guided(labels)?,
+                None => return Ok(None),
+            },
+        };
+        Ok(Some(Entrant::Plain(sampler)))
+    }
+}
+
+/// What a contender searches with.
+pub(super) enum Entrant {
+    /// A sampler that asks no networks.
+    Plain(Sampler),
+    /// One that knows what they said, and whose time counts as if it had asked them after so many samples.
+    Asks { sampler: Sampler, after: u64 },
+    /// The networks themselves.
+    Live(Live, [u64; 2]),
+}
+
+impl Entrant {
+    /// Searches; tells what the search did, and from which sample on the seconds of encoding and networks are to be added to its
+    /// own, if they are not among these.
+    pub(super) fn search(
+        &self,
+        case: &Case,
+        settings: &Settings,
+        stop: &Stop,
+    ) -> (Result<Solution, PlanError>, Option<u64>) {
+        // No search profits from what another one found out about the map.
+        case.problem.system.forget();
+        let run = |sampler: &Sampler| plan(&case.problem, sampler, settings, stop, &mut |_| {});
+        match self {
+            Self::Plain(sampler) => (run(sampler), Some(0)),
+            Self::Asks { sampler, after } => (run(sampler), Some(*after)),
+            Self::Live(live, head_start) => {
+                let began = Instant::now();
+                let Asked { sampler, finish } = (live.0)(*head_start);
+                let asking = began.elapsed().as_secs_f64();
+                let mut found = run(&Sampler::Deferred(sampler));
+                finish();
+                match &mut found {
+                    Ok(solution) => solution.stats.delay(asking),
+                    Err(PlanError::NotFound(why)) => why.stats.delay(asking),
+                    Err(_) => {}
+                }
+                (found, None)
+            }
+        }
+    }
+}

@@ -60,6 +60,7 @@ fn prediction(found: nngtl::mission::Prediction) -> Prediction {
         guidance: found.guidance,
         encode_seconds: 0.0,
         infer_seconds: 0.0,
+        live: None,
     }
 }
 

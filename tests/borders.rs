@@ -3,34 +3,18 @@
 
 mod made;
 
-use made::{options, scenario};
+use made::{Edges, options, rectangles, scenario};
 use nalgebra::Point2;
 use nngtl::mission::{self, MissionError, SamplerChoice};
 use nngtl::plan::{Path, Waypoint};
 use nngtl::random::{Random, generator};
 use nngtl::scenario::Scenario;
 use nngtl::verify::Refusal;
-use nngtl::workspace::{Bounds, Polygon, Region, Workspace};
+use nngtl::workspace::Workspace;
 use rand::RngExt;
 
-/// Left, lower, right and upper edge.
-type Edges = [f64; 4];
-
 fn map(side: f64, obstacles: &[Edges], regions: &[(&str, Edges)]) -> Workspace {
-    let polygon = |e: &Edges| {
-        Polygon::rectangle(Point2::new(e[0], e[1]), Point2::new(e[2], e[3])).expect("it has area")
-    };
-    let region = |(name, edges): &(&str, Edges)| Region {
-        name: (*name).to_owned(),
-        polygon: polygon(edges),
-    };
-    let bounds = Bounds {
-        min: Point2::origin(),
-        max: Point2::new(side, side),
-    };
-    let obstacles = obstacles.iter().map(polygon).collect();
-    let regions = regions.iter().map(region).collect();
-    Workspace::new(bounds, obstacles, regions).expect("the map is sound")
+    rectangles(side, obstacles, regions).expect("the map is sound")
 }
 
 /// A wall with a doorway that the region `door` fills.

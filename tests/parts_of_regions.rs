@@ -2,29 +2,17 @@
 
 mod made;
 
-use made::{options, scenario};
+use made::{Edges, options, rectangles, scenario};
 use nalgebra::Point2;
 use nngtl::dataset::maps::draw_start;
 use nngtl::mission::{self, MissionError, SamplerChoice};
 use nngtl::random::{Random, generator};
 use nngtl::scenario::Scenario;
-use nngtl::workspace::{Bounds, Polygon, Region, Workspace};
+use nngtl::workspace::Workspace;
 use rand::RngExt;
 
-/// Left, lower, right and upper edge.
-type Edges = [f64; 4];
-
 fn map(obstacles: &[Edges], regions: &[(&str, Edges)]) -> Option<Workspace> {
-    let polygon = |e: &Edges| {
-        Polygon::rectangle(Point2::new(e[0], e[1]), Point2::new(e[2], e[3])).expect("it has area")
-    };
-    let region = |(name, edges): &(&str, Edges)| Region {
-        name: (*name).to_owned(),
-        polygon: polygon(edges),
-    };
-    let obstacles = obstacles.iter().map(polygon).collect();
-    let regions = regions.iter().map(region).collect();
-    Workspace::new(Bounds::unit(), obstacles, regions).ok()
+    rectangles(1.0, obstacles, regions)
 }
 
 /// The cost of a plan, and how many samples there were before the first.

@@ -2,29 +2,14 @@
 
 mod made;
 
-use made::{options, scenario};
+use made::{Edges, options, rectangles, scenario};
 use nalgebra::Point2;
 use nngtl::mission::{self, SamplerChoice};
 use nngtl::scenario::Scenario;
-use nngtl::workspace::{Bounds, Polygon, Region, Workspace};
-
-/// Left, lower, right and upper edge.
-type Edges = [f64; 4];
+use nngtl::workspace::Workspace;
 
 fn map(side: f64, obstacles: &[Edges], regions: &[(&str, Edges)]) -> Workspace {
-    let polygon = |e: &Edges| {
-        Polygon::rectangle(Point2::new(e[0], e[1]), Point2::new(e[2], e[3])).expect("it has area")
-    };
-    let region = |(name, edges): &(&str, Edges)| Region {
-        name: (*name).to_owned(),
-        polygon: polygon(edges),
-    };
-    let bounds = Bounds {
-        min: Point2::origin(),
-        max: Point2::new(side, side),
-    };
-    let obstacles = obstacles.iter().map(polygon).collect();
-    Workspace::new(bounds, obstacles, regions.iter().map(region).collect()).expect("a map")
+    rectangles(side, obstacles, regions).expect("the map is sound")
 }
 
 fn cost(scenario: &Scenario, sampler: SamplerChoice, seed: u64) -> f64 {

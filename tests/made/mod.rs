@@ -46,3 +46,30 @@ pub(crate) fn corridor() -> Workspace {
     };
     Workspace::new(bounds, Vec::new(), regions).unwrap()
 }
+
+#[allow(dead_code, reason = "not every test is made of it")]
+/// Left, lower, right and upper edge.
+pub(crate) type Edges = [f64; 4];
+
+#[allow(dead_code, reason = "not every test is made of it")]
+/// A square map of rectangles; `None` if they leave none.
+pub(crate) fn rectangles(
+    side: f64,
+    obstacles: &[Edges],
+    regions: &[(&str, Edges)],
+) -> Option<Workspace> {
+    let polygon = |e: &Edges| {
+        Polygon::rectangle(Point2::new(e[0], e[1]), Point2::new(e[2], e[3])).expect("it has area")
+    };
+    let region = |(name, edges): &(&str, Edges)| Region {
+        name: (*name).to_owned(),
+        polygon: polygon(edges),
+    };
+    let bounds = Bounds {
+        min: Point2::origin(),
+        max: Point2::new(side, side),
+    };
+    let obstacles = obstacles.iter().map(polygon).collect();
+    let regions = regions.iter().map(region).collect();
+    Workspace::new(bounds, obstacles, regions).ok()
+}

@@ -287,11 +287,10 @@ impl Chosen {
                 unasked,
             } => {
                 let is_told = *is_wanted || networks.is_asked();
-                let prediction = (is_told || *on_adapter)
-                    .then(|| networks.finish())
-                    .flatten()
-                    .transpose()?;
-                Ok(match prediction.filter(|_| is_told) {
+                let said = (is_told || *on_adapter).then(|| networks.finish());
+                // What nobody asked for may fail unheard.
+                let said = said.flatten().filter(|_| is_told);
+                Ok(match said.transpose()? {
                     Some(prediction) => Answer {
                         waited: networks.waited(),
                         ..Answer::new(prediction)

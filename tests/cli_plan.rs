@@ -2,7 +2,7 @@
 
 mod cli;
 
-use cli::{Run, folder, nngtl, shipped};
+use cli::{Run, command, finish, folder, nngtl, shipped};
 use nngtl::plan::PlanFile;
 
 /// The quickest way to a plan that needs no networks.
@@ -312,4 +312,46 @@ fn the_exact_planner_beats_sampling_here() {
     let total = |object: &serde_json::Value| object["plan"]["cost"]["total"].as_f64().unwrap();
     assert!(total(&exact) <= total(&sampled) && total(&exact) > 0.9 * total(&sampled));
     assert_eq!(exact["word"], "{} {l2} {} {l3} {} ({l1})^ω");
+}
+
+/// What comes from a pipe has no ending: its beginning tells its format.
+#[test]
+fn a_scenario_can_come_from_standard_input() {
+    let toml = std::fs::read_to_string(shipped("case-study.toml")).unwrap();
+    let value: serde_json::Value = toml::from_str(&toml).unwrap();
+    let json = serde_json::to_string_pretty(&value).unwrap();
+    let lines = format!("{value}\n\n{value}\n");
+    let planned = |text: &str, more: &[&str]| {
+        let file = folder();
+        let path = file.path().join("piped");
+        std::fs::write(&path, text).unwrap();
+        let mut program = command();
+        program.args(["plan", "-"]).args(QUICK).args(more);
+        finish(program.stdin(std::fs::File::open(&path).unwrap()))
+    };
+    let all = [
+        planned(&toml, &[]),
+        planned(&json, &[]),
+        planned(&lines, &["--pick", "3"]),
+    ];
+    for run in &all {
+        assert_eq!((run.code, run.err.as_str()), (0, ""), "{run:?}");
+        assert!(run.out.contains("({l1})^ω"), "{run:?}");
+    }
+    let run = planned("start = [0.1", &[]);
+    assert_eq!(run.code, 2, "{run:?}");
+    assert!(run.err.contains("-:1:"), "{run:?}");
+}
+
+#[test]
+fn pictures_are_not_written_under_the_names_of_other_formats() {
+    for (option, name, why) in [
+        ("--png", "plan.svg", "that is a name for `--svg`"),
+        ("--png", "plan.JPG", "no `.jpg` can be written"),
+        ("--svg", "plan.pdf", "no `.pdf` can be written"),
+    ] {
+        let run = plan("case-study.toml", &[option, name]);
+        assert_eq!(run.code, 2, "{run:?}");
+        assert!(run.err.contains(why), "{run:?}");
+    }
 }

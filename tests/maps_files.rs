@@ -252,6 +252,10 @@ fn broken_maps_say_what_is_wrong_and_where() {
             polygon(square, r#"{"kind":"region"}"#),
             "a region needs a `name`",
         ),
+        (
+            polygon(square, r#"{"kind":"region","name":"dock/1"}"#),
+            "feature 1 (`dock/1`): its name cannot name a region",
+        ),
         (polygon(square, "{}"), "no feature says"),
         (
             polygon(r#"[[["a",0],[9,0],[9,9],[0,0]]]"#, obstacle),

@@ -6,23 +6,25 @@ use std::time::Instant;
 
 use super::{BenchError, Case, Contender, Strategy};
 use crate::guidance::Guidance;
-use crate::planner::{Ask, Deferred, Guide, PlanError, Sampler, Settings, Solution, Stop, plan};
+use crate::planner::{
+    Ask, Deferred, Guide, HeadStart, PlanError, Sampler, Settings, Solution, Stop, plan,
+};
 
-/// Networks that a search asks about its mission when it begins.
+/// Networks that a search asks about its mission.
 #[derive(Clone)]
-pub struct Live(Arc<dyn Fn([u64; 2]) -> Asked + Send + Sync>);
+pub struct Live(Arc<dyn Fn(HeadStart) -> Asked + Send + Sync>);
 
-/// Networks that have been asked.
+/// Networks that a search will ask.
 pub struct Asked {
     /// What searches as they will have answered.
     pub sampler: Arc<Deferred>,
-    /// Waits until they are through: another search must not have them beside it.
+    /// Waits until they are through, if they have begun: another search must not have them beside it.
     pub finish: Box<dyn FnOnce()>,
 }
 
 impl Live {
-    /// Asks in this way; told are the samples that a search draws before StateNet's and before PathNet's answer.
-    pub fn new(ask: impl Fn([u64; 2]) -> Asked + Send + Sync + 'static) -> Self {
+    /// Asks in this way; told are the samples that a search draws before.
+    pub fn new(ask: impl Fn(HeadStart) -> Asked + Send + Sync + 'static) -> Self {
         Self(Arc::new(ask))
     }
 }
@@ -63,13 +65,15 @@ impl Case {
                 }
                 let by_states = Guide::of_states(&prediction.guidance.states, states);
                 let by_states = by_states.map_err(fits)?;
-                let [first, second] = head_start;
+                let HeadStart {
+                    states, heatmap, ..
+                } = head_start;
                 return Ok(Some(Entrant::Asks {
-                    sampler: Sampler::Deferred(Deferred::in_stages([
-                        (first, Box::new(|| Some(by_states)) as Ask),
-                        (second, Box::new(|| Some(guide)) as Ask),
-                    ])),
-                    after: first,
+                    sampler: Sampler::Deferred(Arc::new(Deferred::in_stages([
+                        (states, Box::new(|| Some(by_states)) as Ask),
+                        (heatmap, Box::new(|| Some(guide)) as Ask),
+                    ]))),
+                    after: states,
                 }));
             }
             Strategy::Auto => {
@@ -77,7 +81,7 @@ impl Case {
                 let found = predicted.transpose()?;
                 let after = Deferred::WORTH_IT;
                 return Ok(Some(Entrant::Asks {
-                    sampler: Sampler::Deferred(Deferred::new(after, || found)),
+                    sampler: Sampler::Deferred(Arc::new(Deferred::new(after, || found))),
                     after,
                 }));
             }
@@ -97,7 +101,7 @@ pub(super) enum Entrant {
     /// One that knows what they said, and whose time counts as if it had asked them after so many samples.
     Asks { sampler: Sampler, after: u64 },
     /// The networks themselves.
-    Live(Live, [u64; 2]),
+    Live(Live, HeadStart),
 }
 
 impl Entrant {

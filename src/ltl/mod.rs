@@ -44,4 +44,5 @@ pub mod semantics;
 
 pub use error::{ParseError, ParseErrorKind, Unsupported};
 pub use formula::Formula;
+pub(crate) use lexer::bad_name;
 pub use parser::{MAX_DEPTH, ParseOptions, Parsed, PropositionUse, check_propositions, parse};

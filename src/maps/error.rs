@@ -27,7 +27,8 @@ pub enum MapErrorKind {
     },
     /// The ending tells no format.
     #[error(
-        "a map ends in .yaml (ROS), .map (MovingAI) or .geojson, this one in `{found}`: rename it"
+        "a map ends in .yaml (ROS), .map (MovingAI) or .geojson, {}: rename it",
+        ending(found)
     )]
     UnknownEnding {
         /// The ending found, without the dot.
@@ -129,5 +130,12 @@ impl std::fmt::Display for MapError {
 impl std::error::Error for MapError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         std::error::Error::source(&self.kind)
+    }
+}
+
+fn ending(found: &str) -> String {
+    match found {
+        "" => "this one has no ending".to_owned(),
+        found => format!("this one in `{found}`"),
     }
 }

@@ -5,6 +5,7 @@ use serde_json::Value;
 
 use super::outline::Rings;
 use super::{MapErrorKind, MapOptions, Units};
+use crate::ltl::bad_name;
 use crate::workspace::{Bounds, Polygon};
 
 /// Mean radius of the Earth, metres.
@@ -161,6 +162,10 @@ fn add(all: &mut Features, i: usize, feature: &Value, units: Units) -> Result<()
             }
             if name.is_empty() {
                 return Err(fault(&what, "a region needs a `name` in its properties"));
+            }
+            if let Some(reason) = bad_name(name) {
+                let message = format!("its name cannot name a region: {reason}");
+                return Err(fault(&what, message));
             }
             let outer = rings.into_iter().next().unwrap_or_default();
             all.regions.push((name.to_owned(), outer));

@@ -226,12 +226,12 @@ pub(super) struct Chosen {
 enum Source {
     /// It is there, or will be when the search has asked.
     Answer(Arc<Mutex<Answer>>),
-    /// They began when the search did.
+    /// They begin soon after the search does.
     Thinking {
         networks: Thinking,
         /// Whether what they say is told in any case.
         is_wanted: bool,
-        /// Whether they must be through before the program may end: a driver does not like to be left alone.
+        /// Whether they must be through before the program may end, if they have begun: a driver does not like to be left alone.
         on_adapter: bool,
         /// What is said if the search was over before it waited for them.
         unasked: Option<String>,
@@ -287,9 +287,11 @@ impl Chosen {
                 unasked,
             } => {
                 let is_told = *is_wanted || networks.is_asked();
-                let said = (is_told || *on_adapter).then(|| networks.finish());
+                if *on_adapter && !is_told {
+                    networks.settle();
+                }
                 // What nobody asked for may fail unheard.
-                let said = said.flatten().filter(|_| is_told);
+                let said = is_told.then(|| networks.finish()).flatten();
                 Ok(match said.transpose()? {
                     Some(prediction) => Answer {
                         waited: networks.waited(),
@@ -354,7 +356,7 @@ impl Answer {
 
 /// The sampler that the options ask for. `auto` asks the networks when the search has lasted for some time, and never fails: what keeps
 /// the networks from guiding is told once, and the search goes by the same rules without predictions. Weights that were named
-/// must load. `guided` begins to ask at once, and searches meanwhile, unless the settings want the networks first.
+/// must load. `guided` asks soon, and searches meanwhile, unless the settings want the networks first.
 pub(super) fn choose(
     scenario: &Scenario,
     problem: &Problem,
@@ -400,7 +402,7 @@ fn guided(
     let on_adapter = !networks.is_on_cpu();
     let unasked = unasked(options.device, Some(&networks));
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let networks = Thinking::begin(
+    let networks = Thinking::new(
         Arc::new(Mutex::new(networks)),
         Arc::clone(&scenario.workspace),
         problem.clone(),
@@ -445,7 +447,7 @@ fn deferred(
         guide
     });
     Ok(Chosen {
-        sampler: Sampler::Deferred(sampler),
+        sampler: Sampler::Deferred(Arc::new(sampler)),
         source: Source::Answer(answer),
     })
 }

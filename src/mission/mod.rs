@@ -59,8 +59,8 @@ pub enum SamplerChoice {
     Biased,
     /// The rules of guided sampling without networks.
     Directed,
-    /// Sampling guided by the networks, which run while the search takes its first steps
-    /// ([`Deferred::HEAD_START`](crate::planner::Deferred::HEAD_START), [`Settings::networks_first`]).
+    /// Sampling guided by the networks, which run while the search goes on without them for a while
+    /// ([`HeadStart::USUAL`](crate::planner::HeadStart::USUAL), [`Settings::networks_first`]).
     Guided,
     /// No sampling: the exact planner.
     Exact,

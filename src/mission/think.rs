@@ -1,27 +1,28 @@
 //! Networks that answer while the search takes its first steps.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use super::MissionError;
 use super::guide::{Prediction, Question, predict_telling};
 use crate::nn::{PredictError, Predictor};
-use crate::planner::{Ask, Deferred, Guide, Problem};
+use crate::planner::{Ask, Deferred, Guide, HeadStart, Problem};
 use crate::workspace::Workspace;
 
-/// Both networks at work on a mission: on a thread of their own, or, where the machine has no core to spare, on the caller's when
-/// it waits for them.
+/// Both networks, to be asked about a mission: on a thread of their own, or, where the machine has no core to spare or that thread is
+/// still busy with another mission, on the caller's when it waits for them.
 ///
-/// A search that goes by [`Self::sampler`] begins at once, and waits for StateNet and for PathNet only before the samples that
-/// follow their answers. What it draws depends on those moments, which are counted in samples, and not on how long the networks
-/// take.
+/// A search that goes by [`Self::sampler`] draws its first samples without them, lets them begin then, and waits for StateNet and for
+/// PathNet only before the samples that follow their answers. What it draws depends on those moments, which are counted in samples,
+/// and not on how long the networks take.
 #[derive(Clone)]
 pub struct Thinking(Arc<Mutex<Listener>>);
 
 struct Listener {
-    /// What is to be done when somebody waits, if nobody does it already.
-    work: Option<Box<dyn FnOnce() + Send>>,
+    work: Arc<Work>,
+    aside: bool,
     news: Receiver<News>,
     states: Option<Vec<f32>>,
     all: Option<Result<Prediction, MissionError>>,
@@ -30,59 +31,88 @@ struct Listener {
     waited: f64,
 }
 
+/// What is to be done, until somebody begins to do it.
+struct Work(Mutex<Option<Box<dyn FnOnce() + Send>>>);
+
+impl Work {
+    fn take(&self) -> Option<Box<dyn FnOnce() + Send>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    /// Does it, if nobody else has begun.
+    fn run(&self) {
+        if let Some(work) = self.take() {
+            // Who waits for what a panic keeps from him is told that nobody is left to say it.
+            let _ = catch_unwind(AssertUnwindSafe(work));
+        }
+    }
+}
+
+/// The thread of the networks, if there can be one. It lasts as long as the program: to start one for each mission takes longer than
+/// many a mission's first samples.
+static THREAD: LazyLock<Option<Sender<Arc<Work>>>> = LazyLock::new(|| {
+    let (give, given) = channel::<Arc<Work>>();
+    let work = move || given.iter().for_each(|work| work.run());
+    let name = std::thread::Builder::new().name("networks".to_owned());
+    name.spawn(work).ok().map(|_| give)
+});
+
 enum News {
     States(Vec<f32>),
     All(Result<Prediction, MissionError>),
 }
 
 impl Thinking {
-    /// Asks the networks about a mission; `aside` on a thread of their own.
+    /// The networks and a mission; what they are asked they answer `aside`, on a thread of their own.
     #[must_use]
-    pub fn begin(
+    pub fn new(
         networks: Arc<Mutex<Predictor>>,
         map: Arc<Workspace>,
         problem: Problem,
         aside: bool,
     ) -> Self {
         let (tell, news) = channel();
-        let work = move || answer(&networks, &map, &problem, &tell);
-        let listener = |work| Listener {
+        let answer = move || answer(&networks, &map, &problem, &tell);
+        let work = Arc::new(Work(Mutex::new(Some(Box::new(answer)))));
+        Self(Arc::new(Mutex::new(Listener {
             work,
+            aside,
             news,
             states: None,
             all: None,
             is_taken: false,
             is_asked: false,
             waited: 0.0,
-        };
-        // Without a thread of their own they begin when somebody waits for them.
-        let later = if aside {
-            let name = std::thread::Builder::new().name("networks".to_owned());
-            let work = Arc::new(Mutex::new(Some(work)));
-            let taken = Arc::clone(&work);
-            let run = move || {
-                let work = taken.lock().unwrap_or_else(PoisonError::into_inner).take();
-                work.map(|work| work())
-            };
-            match name.spawn(run) {
-                Ok(_) => None,
-                Err(_) => work.lock().unwrap_or_else(PoisonError::into_inner).take(),
-            }
-        } else {
-            Some(work)
-        };
-        let later = later.map(|work| Box::new(work) as Box<dyn FnOnce() + Send>);
-        Self(Arc::new(Mutex::new(listener(later))))
+        })))
     }
 
-    /// Directed sampling until so many samples are drawn, then by the states alone, and after so many by the heatmap, too.
+    /// Lets them begin, where that can be beside what the caller does next.
+    pub fn begin(&self) {
+        let listener = self.lock();
+        if let Some(thread) = THREAD.as_ref().filter(|_| listener.aside) {
+            // Where nobody does it meanwhile, it is done by who waits for it.
+            let _ = thread.send(Arc::clone(&listener.work));
+        }
+    }
+
+    /// Directed sampling at first; when the head start is over, by the states alone, and then by the heatmap, too.
     #[must_use]
-    pub fn sampler(&self, [states, heatmap]: [u64; 2], problem: &Problem) -> Arc<Deferred> {
+    pub fn sampler(&self, head_start: HeadStart, problem: &Problem) -> Arc<Deferred> {
         let count = problem.task.nba.len();
-        let (first, second) = (self.clone(), self.clone());
+        let [beginning, first, second] = std::array::from_fn(|_| self.clone());
         let by_states: Ask = Box::new(move || first.by_states(count));
         let by_all: Ask = Box::new(move || second.by_all(count));
-        Deferred::in_stages([(states, by_states), (heatmap, by_all)])
+        let questions = [(head_start.states, by_states), (head_start.heatmap, by_all)];
+        let begin = Box::new(move || beginning.begin());
+        Arc::new(Deferred::in_stages(questions).beginning(head_start.begin, begin))
+    }
+
+    /// Waits until they are through, if they have begun; they will not begin any more.
+    pub fn settle(&self) {
+        let mut listener = self.lock();
+        if listener.work.take().is_none() {
+            listener.listen(|l| l.all.is_some());
+        }
     }
 
     /// What they say, once they have said it; `None` if that was taken already.
@@ -128,6 +158,12 @@ impl std::fmt::Debug for Thinking {
     }
 }
 
+impl Drop for Listener {
+    fn drop(&mut self) {
+        self.work.take(); // nobody wants to know any more
+    }
+}
+
 impl Listener {
     /// Waits for a search.
     fn wait(&mut self, enough: impl Fn(&Self) -> bool) {
@@ -138,9 +174,7 @@ impl Listener {
     }
 
     fn listen(&mut self, enough: impl Fn(&Self) -> bool) {
-        if let Some(work) = self.work.take() {
-            work();
-        }
+        self.work.run();
         while !enough(self) && self.all.is_none() && !self.is_taken {
             match self.news.recv() {
                 Ok(News::States(states)) => self.states = Some(states),

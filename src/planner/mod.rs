@@ -28,7 +28,7 @@ use crate::plan::{Cost, Path};
 use crate::system::{Spot, TransitionSystem};
 
 pub(crate) use sampler::{Aim, Draw, View};
-pub use sampler::{Ask, Deferred, GuidanceError, Guide, HeatmapSums, Sampler};
+pub use sampler::{Ask, Begin, Deferred, GuidanceError, Guide, HeadStart, HeatmapSums, Sampler};
 pub use search::{plan, profile};
 pub use settings::{Settings, SettingsError, Stop};
 pub use split::Split;

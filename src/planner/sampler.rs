@@ -23,7 +23,7 @@ use crate::system::TransitionSystem;
 
 use closing::Closing;
 pub(super) use deferred::Ahead;
-pub use deferred::{Ask, Deferred};
+pub use deferred::{Ask, Begin, Deferred, HeadStart};
 pub use heat::{GuidanceError, HeatmapSums};
 
 /// Which strategy proposes points.

@@ -7,6 +7,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::parallel::MAX_THREADS;
+use super::sampler::HeadStart;
 use super::tree::Near;
 use crate::number::Brief;
 
@@ -71,7 +72,7 @@ pub struct Settings {
     /// the region that such a leg crosses, and not from the rectangle of C-2 (ours; 0 is the paper's rule).
     pub p_region: f64,
     /// Whether a guided search waits for the networks before its first sample (the papers' way), and not only before the samples of
-    /// [`Deferred::HEAD_START`](super::Deferred::HEAD_START), so that it begins while they run (ours).
+    /// [`HeadStart::USUAL`], so that it begins while they run (ours).
     pub networks_first: bool,
     /// Where a wall hides the target, guided points come from squares of all sizes around the corner at which the shortest way
     /// bends; the largest one's half side, relative to the map's side. In sight, C-2's rectangle is grown by as much (ours; 0 is
@@ -252,13 +253,13 @@ impl Settings {
         }
     }
 
-    /// How many samples a guided search draws before StateNet's answer, and how many before PathNet's.
+    /// How many samples a guided search draws before it turns to the networks.
     #[must_use]
-    pub fn head_start(&self) -> [u64; 2] {
-        if self.networks_first {
-            return [0; 2];
+    pub fn head_start(&self) -> HeadStart {
+        match self.networks_first {
+            true => HeadStart::NONE,
+            false => HeadStart::USUAL,
         }
-        super::Deferred::HEAD_START
     }
 
     /// Whether plans are shortened.

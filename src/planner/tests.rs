@@ -119,6 +119,7 @@ fn networks_are_asked_once_and_only_by_a_search_that_lasts() {
             }
             answers.then(|| Guide::new(&guidance, states).unwrap())
         });
+        let deferred = Arc::new(deferred);
         let settings = Settings {
             iterations,
             threads,

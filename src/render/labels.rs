@@ -66,8 +66,8 @@ pub(super) struct Board {
 }
 
 impl Board {
-    /// Places a label of this size inside `ring` if it can be read there, otherwise beside it.
-    pub(super) fn place_in(&mut self, ring: &[Px], width: f64, height: f64) -> Px {
+    /// Where a label of this size is read best: inside `ring` if it can be, otherwise beside it.
+    pub(super) fn room_in(&self, ring: &[Px], width: f64, height: f64) -> Rect {
         let (min, max) = extent(ring);
         let middle = [(min[0] + max[0]) / 2.0, (min[1] + max[1]) / 2.0];
         const STEPS: usize = 24;
@@ -82,7 +82,18 @@ impl Board {
             let outside = rect.probes().iter().filter(|&&p| !inside(ring, p)).count();
             6.0 * outside as f64 + 0.15 * (at[0] - middle[0]).hypot(at[1] - middle[1])
         };
-        self.place(candidates, width, height, own)
+        self.best(candidates, width, height, own)
+    }
+
+    /// Whether a label there would hide part of what is placed.
+    pub(super) fn overlaps(&self, rect: &Rect) -> bool {
+        self.boxes.iter().any(|b| rect.shared_area(b) > 0.0)
+    }
+
+    /// Places a label there. Returns its middle.
+    pub(super) fn take(&mut self, rect: Rect) -> Px {
+        self.boxes.push(rect);
+        [0, 1].map(|k| (rect.min[k] + rect.max[k]) / 2.0)
     }
 
     /// Places a label of this size around a marker of radius `radius`.
@@ -97,16 +108,18 @@ impl Board {
         });
         // Upwards and to the right reads best.
         let own = |_: &Rect, p: Px| 0.02 * ((at[0] - p[0]).max(0.0) + (p[1] - at[1]).max(0.0));
-        self.place(candidates, width, height, own)
+        let rect = self.best(candidates, width, height, own);
+        self.take(rect)
     }
 
-    fn place(
-        &mut self,
+    /// Of the candidates for a label's middle the one that costs least.
+    fn best(
+        &self,
         candidates: impl Iterator<Item = Px>,
         width: f64,
         height: f64,
         own: impl Fn(&Rect, Px) -> f64,
-    ) -> Px {
+    ) -> Rect {
         let cost = |at: Px| {
             let rect = Rect::centred(at, width, height);
             own(&rect, at) + self.crowding(&rect)
@@ -115,8 +128,7 @@ impl Board {
             .map(|at| (cost(at), at))
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .map_or(self.frame.min, |(_, at)| at);
-        self.boxes.push(Rect::centred(best, width, height));
-        best
+        Rect::centred(best, width, height)
     }
 
     /// What a label at `rect` would hide; 0 if nothing.
@@ -187,7 +199,8 @@ mod tests {
 
     #[test]
     fn a_name_stands_in_the_middle_of_an_empty_region() {
-        let at = board().place_in(&SQUARE, 30.0, 14.0);
+        let mut board = board();
+        let at = board.take(board.room_in(&SQUARE, 30.0, 14.0));
         assert!(
             (at[0] - 150.0).abs() < 8.0 && (at[1] - 150.0).abs() < 8.0,
             "{at:?}"
@@ -198,8 +211,8 @@ mod tests {
     fn a_name_moves_away_from_a_path_and_from_other_names() {
         let mut board = board();
         board.lines.push(([100.0, 150.0], [200.0, 150.0]));
-        let first = board.place_in(&SQUARE, 30.0, 14.0);
-        let second = board.place_in(&SQUARE, 30.0, 14.0);
+        let first = board.take(board.room_in(&SQUARE, 30.0, 14.0));
+        let second = board.take(board.room_in(&SQUARE, 30.0, 14.0));
         let rect = |at| Rect::centred(at, 30.0, 14.0);
         for at in [first, second] {
             assert!(inside(&SQUARE, at));

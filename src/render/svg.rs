@@ -14,16 +14,23 @@ use super::shapes::{arrow_places, nice_step, number, once, polyline, side_by_sid
 use super::text::{self, escaped, text_width, write_text};
 use crate::alphabet::Letter;
 use crate::plan::{Path, Waypoint, length};
-use crate::workspace::Polygon;
+use crate::workspace::{Bounds, Polygon};
 
 /// The family of the embedded font.
 pub(super) const FONT: &str = "DejaVu Sans";
 
 /// Length of the map's longer side, in pixels.
 const MAP_PIXELS: f64 = 820.0;
-/// Room for the numbers on the left and for nothing on the right.
+/// Room for the numbers on the left, at least, and for nothing on the right.
 const LEFT: f64 = 58.0;
 const RIGHT: f64 = 26.0;
+/// The size of the numbers beside the map, and what is between them and it.
+const NUMBER: f64 = 12.0;
+const TICK: f64 = 9.0;
+/// Sizes of the regions' names, from which the first is taken at which a name has room of its own.
+const NAMES: [f64; 4] = [16.0, 13.5, 11.5, 10.0];
+/// The longest a region's name gets, in pixels: what is longer ends in dots.
+const LONGEST_NAME: f64 = 200.0;
 /// The picture is at least this wide, so that headings fit beside a narrow map.
 const MIN_WIDTH: f64 = 560.0;
 /// Which layers are wanted.
@@ -69,31 +76,32 @@ pub(super) fn draw(picture: &Picture<'_>, layers: Layers) -> Drawing {
     let bounds = picture.workspace.bounds();
     let factor = MAP_PIXELS / bounds.side();
     let (map_width, map_height) = (bounds.width() * factor, bounds.height() * factor);
-    let width = (LEFT + map_width + RIGHT).max(MIN_WIDTH);
+    let left = room_for_numbers(bounds);
+    let width = (left + map_width + RIGHT).max(MIN_WIDTH);
     let heading = text::heading(
         picture.title.as_deref(),
         picture.subtitle.as_deref(),
-        LEFT,
-        width - LEFT - RIGHT,
+        left,
+        width - left - RIGHT,
     );
     let top = 18.0 + heading.height;
     let scale = Scale {
-        origin: [LEFT, top + map_height],
+        origin: [left, top + map_height],
         min: bounds.min,
         factor,
     };
     let map_frame = Rect {
-        min: [LEFT, top],
-        max: [LEFT + map_width, top + map_height],
+        min: [left, top],
+        max: [left + map_width, top + map_height],
     };
     let heatmap_frame = Rect {
-        min: [LEFT, top + map_height - MAP_PIXELS],
-        max: [LEFT + MAP_PIXELS, top + map_height],
+        min: [left, top + map_height - MAP_PIXELS],
+        max: [left + MAP_PIXELS, top + map_height],
     };
     let legend = legend::draw(
         &signs(picture),
-        [LEFT, map_frame.max[1] + 40.0],
-        width - LEFT - RIGHT,
+        [left, map_frame.max[1] + 40.0],
+        width - left - RIGHT,
     );
     let height = map_frame.max[1] + 40.0 + legend.height + 14.0;
 
@@ -125,6 +133,14 @@ pub(super) fn draw(picture: &Picture<'_>, layers: Layers) -> Drawing {
         map_frame,
         heatmap_frame,
     }
+}
+
+/// How wide the numbers on the left are, with what is beside them.
+fn room_for_numbers(bounds: Bounds) -> f64 {
+    let step = nice_step(bounds.side() / 5.0);
+    let numbers = ticks(bounds.min.y, bounds.max.y, step).into_iter();
+    let widths = numbers.map(|value| NUMBER * text_width(&number(value, step)));
+    widths.fold(LEFT, |left, width| left.max(width + TICK + 8.0))
 }
 
 /// What the legend explains: what is in the picture, and nothing else.
@@ -263,7 +279,7 @@ impl Canvas<'_, '_> {
             self.add(format_args!(
                 "<path d=\"M{x:.2} {y:.2}v5\" stroke=\"{faint}\"/>"
             ));
-            let style = format!("font-size=\"12\" fill=\"{faint}\" text-anchor=\"middle\"");
+            let style = format!("font-size=\"{NUMBER}\" fill=\"{faint}\" text-anchor=\"middle\"");
             write_text(&mut self.text, [x, y + 18.0], &number(value, step), &style);
         }
         for value in ticks(bounds.min.y, bounds.max.y, step) {
@@ -272,10 +288,10 @@ impl Canvas<'_, '_> {
             self.add(format_args!(
                 "<path d=\"M{x:.2} {y:.2}h-5\" stroke=\"{faint}\"/>"
             ));
-            let style = format!("font-size=\"12\" fill=\"{faint}\" text-anchor=\"end\"");
+            let style = format!("font-size=\"{NUMBER}\" fill=\"{faint}\" text-anchor=\"end\"");
             write_text(
                 &mut self.text,
-                [x - 9.0, y + 4.2],
+                [x - TICK, y + 4.2],
                 &number(value, step),
                 &style,
             );
@@ -501,11 +517,23 @@ impl Canvas<'_, '_> {
 
     fn region_names(&mut self, board: &mut Board) {
         for (i, region) in self.picture.workspace.regions().iter().enumerate() {
-            let size = 16.0;
-            let width = text_width(&region.name) * size;
             let ring = self.scale.ring(&region.polygon);
-            let at = board.place_in(&ring, width + 4.0, size * 1.15);
-            self.haloed(at, &region.name, size, colour::region_border(i));
+            let mut placed = None;
+            for size in NAMES {
+                let name = text::fitted(&region.name, LONGEST_NAME / size);
+                let (width, height) = (text_width(&name) * size + 4.0, size * 1.15);
+                let place = board.room_in(&ring, width, height);
+                let free = !board.overlaps(&place);
+                placed = Some((place, name, size));
+                if free {
+                    break;
+                }
+            }
+            let Some((place, name, size)) = placed else {
+                continue;
+            };
+            let at = board.take(place);
+            self.haloed(at, &name, size, colour::region_border(i));
         }
     }
 }

@@ -123,3 +123,69 @@ fn scales_out_of_range_are_refused() {
         ));
     }
 }
+
+/// The left ends of all texts that end at their place, and what they say.
+fn numbers_beside(svg: &str) -> Vec<(f64, String)> {
+    let texts = svg
+        .lines()
+        .filter(|line| line.contains("text-anchor=\"end\""));
+    let part = |line: &str, from: &str, to: &str| {
+        let rest = line.split(from).nth(1).unwrap().to_owned();
+        rest.split(to).next().unwrap().to_owned()
+    };
+    let ends = texts.map(|line| {
+        let text = part(line, "\">", "<");
+        let x: f64 = part(line, "x=\"", "\"").parse().unwrap();
+        (x - 12.0 * super::text::text_width(&text), text)
+    });
+    ends.collect()
+}
+
+#[test]
+fn long_numbers_beside_the_map_are_not_cut() {
+    let bounds = Bounds {
+        min: Point2::new(0.0, 5_300_000.0),
+        max: Point2::new(100.0, 5_300_060.0),
+    };
+    let map = Workspace::new(bounds, vec![], vec![]).unwrap();
+    let numbers = numbers_beside(&Picture::new(&map).to_svg());
+    assert!(
+        numbers.iter().any(|n| n.1.contains("5300020")),
+        "{numbers:?}"
+    );
+    assert!(numbers.iter().all(|n| n.0 > 0.0), "{numbers:?}");
+}
+
+/// Thirty regions with long names, close together: the names get smaller, and in the end shorter, not unreadable.
+#[test]
+fn long_names_keep_clear_of_each_other() {
+    let regions = (0..30).map(|i| Region {
+        name: format!("storage_of_spare_parts_{i}"),
+        polygon: square(
+            f64::from(i % 5) * 0.2 + 0.02,
+            f64::from(i / 5) * 0.16 + 0.02,
+            0.05,
+        ),
+    });
+    let map = Workspace::new(Bounds::unit(), vec![], regions.collect()).unwrap();
+    let svg = Picture::new(&map).to_svg();
+    let boxes: Vec<[f64; 4]> = svg
+        .lines()
+        .filter(|line| line.contains("paint-order"))
+        .map(|line| {
+            let part = |from: &str| line.split(from).nth(1).unwrap().split('"').next().unwrap();
+            let number = |from: &str| part(from).parse::<f64>().unwrap();
+            let text = line.split("\">").nth(1).unwrap().split('<').next().unwrap();
+            let (x, y, size) = (number("x=\""), number("y=\""), number("font-size=\""));
+            let half = size * super::text::text_width(text) / 2.0;
+            [x - half, x + half, y - size * 0.7, y + size * 0.1]
+        })
+        .collect();
+    assert_eq!(boxes.len(), 30);
+    for (i, a) in boxes.iter().enumerate() {
+        for b in &boxes[..i] {
+            let apart = a[1] <= b[0] || b[1] <= a[0] || a[3] <= b[2] || b[3] <= a[2];
+            assert!(apart, "{a:?} {b:?}");
+        }
+    }
+}

@@ -48,7 +48,7 @@ pub(super) fn heading(
 }
 
 /// As much of `text` as fits into `room` (in units of the font size).
-fn fitted(text: &str, room: f64) -> String {
+pub(super) fn fitted(text: &str, room: f64) -> String {
     if text_width(text) <= room {
         return text.to_owned();
     }

@@ -52,7 +52,9 @@ pub enum ScenarioErrorKind {
     #[error("the scenario is not UTF-8 text: save it as UTF-8")]
     NotText,
     /// The ending tells no format.
-    #[error("a scenario file ends in .toml, .json or .jsonl, this one in `{found}`: rename it")]
+    #[error(
+        "a scenario file ends in .toml, .json or .jsonl, this one in `{found}`: rename it, or let it have no ending"
+    )]
     UnknownEnding {
         /// The ending found, without the dot.
         found: String,

@@ -297,30 +297,12 @@ fn check_region_name(name: &str, so_far: &[Region]) -> Result<(), ScenarioErrorK
     if so_far.iter().any(|r| r.name == name) {
         return Err(ScenarioErrorKind::DuplicateRegion(name.to_owned()));
     }
-    match bad_name(name) {
+    match ltl::bad_name(name) {
         None => Ok(()),
         Some(reason) => Err(ScenarioErrorKind::RegionName {
             name: name.to_owned(),
             reason,
         }),
-    }
-}
-
-/// Why `name` could not be written in a formula as it is, if so.
-fn bad_name(name: &str) -> Option<&'static str> {
-    let starts = |c: char| c.is_alphabetic() || c == '_';
-    let continues = |c: char| c.is_alphanumeric() || c == '_' || c == '.';
-    let words = ["true", "false", "not", "and", "or", "xor"];
-    if name.is_empty() {
-        Some("a name needs at least one letter")
-    } else if !name.starts_with(starts) || !name.chars().all(continues) {
-        Some("a name begins with a letter or `_` and goes on with letters, digits, `_` and `.`")
-    } else if words.contains(&name.to_ascii_lowercase().as_str()) {
-        Some("this word has a meaning of its own in formulas")
-    } else if name.chars().all(|c| "FGX".contains(c)) || ["U", "R", "V", "W", "M"].contains(&name) {
-        Some("these letters are operators of formulas")
-    } else {
-        None
     }
 }
 

@@ -16,6 +16,9 @@ pub const MAX_BYTES: u64 = 256 << 20;
 /// The largest single scenario, in bytes (16 MiB, several hundred thousand vertices).
 const MAX_SCENARIO_BYTES: usize = 16 << 20;
 
+/// The path that means standard input.
+const STDIN: &str = "-";
+
 /// The text of one scenario, kept so that later errors can point into it.
 #[derive(Clone, Debug)]
 pub(super) struct Source {
@@ -175,7 +178,37 @@ fn split(path: &Path, text: Result<String, Kind>) -> Result<Vec<Source>, Kind> {
         "toml" => one(Syntax::Toml, text),
         "json" => one(Syntax::Json, text),
         "jsonl" | "ndjson" => Ok(lines(&text?)),
+        "" => {
+            let text = text?;
+            match guess(&text) {
+                Guess::Toml => one(Syntax::Toml, Ok(text)),
+                Guess::Json => one(Syntax::Json, Ok(text)),
+                Guess::JsonLines => Ok(lines(&text)),
+            }
+        }
         _ => Err(Kind::UnknownEnding { found: ending }),
+    }
+}
+
+/// What a text without an ending is taken for.
+enum Guess {
+    Toml,
+    Json,
+    JsonLines,
+}
+
+/// Tells the format of a text that comes from a pipe, and so without an ending, from its beginning: objects
+/// begin with a brace, tables never do; and where the first line is an object by itself, each line is one.
+fn guess(text: &str) -> Guess {
+    if !text.trim_start().starts_with('{') {
+        return Guess::Toml;
+    }
+    let mut all = text.lines().filter(|line| !line.trim().is_empty());
+    let first = all.next().unwrap_or_default();
+    let is_whole = serde_json::from_str::<serde::de::IgnoredAny>(first).is_ok();
+    match is_whole && all.next().is_some() {
+        true => Guess::JsonLines,
+        false => Guess::Json,
     }
 }
 
@@ -194,11 +227,17 @@ fn lines(text: &str) -> Vec<Source> {
 }
 
 fn read_text(path: &Path) -> Result<String, Kind> {
-    let file = File::open(path).map_err(Kind::Read)?;
     let mut bytes = Vec::new();
-    file.take(MAX_BYTES + 1)
-        .read_to_end(&mut bytes)
-        .map_err(Kind::Read)?;
+    let read = if path == Path::new(STDIN) {
+        std::io::stdin()
+            .lock()
+            .take(MAX_BYTES + 1)
+            .read_to_end(&mut bytes)
+    } else {
+        let file = File::open(path).map_err(Kind::Read)?;
+        file.take(MAX_BYTES + 1).read_to_end(&mut bytes)
+    };
+    read.map_err(Kind::Read)?;
     if bytes.len() as u64 > MAX_BYTES {
         return Err(Kind::TooLarge { limit: MAX_BYTES });
     }
@@ -213,8 +252,8 @@ fn named(mut spec: ScenarioSpec, path: &Path, source: &Source) -> ScenarioSpec {
     if spec.name.is_empty() {
         let stem = path
             .file_stem()
-            .map(|s| s.to_string_lossy().into_owned())
-            .unwrap_or_default();
+            .filter(|s| *s != STDIN)
+            .map_or("stdin".to_owned(), |s| s.to_string_lossy().into_owned());
         spec.name = if source.first_line > 1 {
             format!("{stem}-{}", source.first_line)
         } else {

@@ -24,20 +24,22 @@ pub(super) use skills::{
     LibraryBuildArgs, LibraryCommand, LibraryMergeArgs, LibraryShowArgs, ReplanArgs, TransferArgs,
 };
 
-/// The file of a picture in a format, svg or png, whose name does not promise the other one.
+/// Endings that promise a picture in another format than ours.
+const FOREIGN: [&str; 10] = [
+    "jpg", "jpeg", "gif", "webp", "avif", "bmp", "tif", "tiff", "pdf", "eps",
+];
+
+/// The file of a picture in a format, svg or png, whose name does not promise another one.
 fn picture(format: &'static str) -> impl TypedValueParser<Value = PathBuf> {
     let other = if format == "svg" { "png" } else { "svg" };
     PathBufValueParser::new().try_map(move |path| {
-        if path
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case(other))
-        {
-            return Err(format!(
-                "that is a name for `--{other}`; here {} is written",
-                format.to_uppercase()
-            ));
-        }
-        Ok(path)
+        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        let why = match ending.as_deref() {
+            Some(ending) if ending == other => format!("that is a name for `--{other}`"),
+            Some(ending) if FOREIGN.contains(&ending) => format!("no `.{ending}` can be written"),
+            _ => return Ok(path),
+        };
+        Err(format!("{why}; here {} is written", format.to_uppercase()))
     })
 }
 

@@ -255,16 +255,16 @@ pub(super) fn cases(
         .collect()
 }
 
-/// The networks as a guided search asks them: they run while it begins.
+/// The networks as a guided search asks them: they run while it goes on.
 fn live(networks: &Arc<Mutex<Predictor>>, map: &Arc<Workspace>, problem: &Problem) -> Live {
     let (networks, map, problem) = (Arc::clone(networks), Arc::clone(map), problem.clone());
     let aside = thread::available_parallelism().is_ok_and(|cores| cores.get() > 1);
     Live::new(move |head_start| {
         let (networks, map) = (Arc::clone(&networks), Arc::clone(&map));
-        let thinking = Thinking::begin(networks, map, problem.clone(), aside);
+        let thinking = Thinking::new(networks, map, problem.clone(), aside);
         Asked {
             sampler: thinking.sampler(head_start, &problem),
-            finish: Box::new(move || drop(thinking.finish())),
+            finish: Box::new(move || thinking.settle()),
         }
     })
 }

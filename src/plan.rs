@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::automaton::StateId;
 
 pub use file::{
-    First, MAX_PLAN_BYTES, PLAN_VERSION, PlanFile, PlanFileError, PlanPoint, PlanStats,
+    Bound, First, MAX_PLAN_BYTES, PLAN_VERSION, PlanFile, PlanFileError, PlanPoint, PlanStats,
     StageSeconds, write_atomically,
 };
 

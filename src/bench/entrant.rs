@@ -18,8 +18,9 @@ pub struct Live(Arc<dyn Fn(HeadStart) -> Asked + Send + Sync>);
 pub struct Asked {
     /// What searches as they will have answered.
     pub sampler: Arc<Deferred>,
-    /// Waits until they are through, if they have begun: another search must not have them beside it.
-    pub finish: Box<dyn FnOnce()>,
+    /// Waits until they are through, if they have begun: another search must not have them beside it. Returns the seconds that the
+    /// search waited for StateNet and for PathNet.
+    pub finish: Box<dyn FnOnce() -> [f64; 2]>,
 }
 
 impl Live {
@@ -104,33 +105,54 @@ pub(super) enum Entrant {
     Live(Live, HeadStart),
 }
 
+/// What encoding and networks took of a search.
+pub(super) enum Networks {
+    /// Their seconds are to be added to the search's from this sample on.
+    After(u64),
+    /// They ran meanwhile; among the search's seconds are these, in which it waited for StateNet and for PathNet.
+    Waited(HeadStart, [f64; 2]),
+}
+
+impl Networks {
+    /// Takes what was waited out of the time that a search had taken after so many samples.
+    pub(super) fn without(&self, samples: u64, seconds: f64) -> f64 {
+        match self {
+            Self::After(_) => seconds,
+            Self::Waited(head_start, waited) => {
+                let after = [head_start.states, head_start.heatmap];
+                let waited = after.iter().zip(waited);
+                seconds - waited.filter(|w| samples > *w.0).map(|w| w.1).sum::<f64>()
+            }
+        }
+    }
+}
+
 impl Entrant {
-    /// Searches; tells what the search did, and from which sample on the seconds of encoding and networks are to be added to its
-    /// own, if they are not among these.
+    /// Searches; tells what the search did, and what the networks took of it.
     pub(super) fn search(
         &self,
         case: &Case,
         settings: &Settings,
         stop: &Stop,
-    ) -> (Result<Solution, PlanError>, Option<u64>) {
+    ) -> (Result<Solution, PlanError>, Networks) {
         // No search profits from what another one found out about the map.
         case.problem.system.forget();
         let run = |sampler: &Sampler| plan(&case.problem, sampler, settings, stop, &mut |_| {});
         match self {
-            Self::Plain(sampler) => (run(sampler), Some(0)),
-            Self::Asks { sampler, after } => (run(sampler), Some(*after)),
+            Self::Plain(sampler) => (run(sampler), Networks::After(0)),
+            Self::Asks { sampler, after } => (run(sampler), Networks::After(*after)),
             Self::Live(live, head_start) => {
                 let began = Instant::now();
                 let Asked { sampler, finish } = (live.0)(*head_start);
                 let asking = began.elapsed().as_secs_f64();
                 let mut found = run(&Sampler::Deferred(sampler));
-                finish();
+                let waited = finish();
                 match &mut found {
                     Ok(solution) => solution.stats.delay(asking),
                     Err(PlanError::NotFound(why)) => why.stats.delay(asking),
                     Err(_) => {}
                 }
-                (found, None)
+                (found, Networks::Waited(*head_start, waited))
             }
         }
     }

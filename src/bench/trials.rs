@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::entrant::Networks;
 use super::groups::COMPLEX_FROM;
 use super::{BenchError, Case, Contender, Report};
 use crate::planner::{First, PlanError, Settings, Stats, Stop};
@@ -11,9 +12,9 @@ use crate::planner::{First, PlanError, Settings, Stats, Stop};
 pub struct Times {
     /// From the formula to the task.
     pub translate: f64,
-    /// From map and automaton to tensors.
+    /// From map and automaton to tensors; where that was done while the search went on, what the search waited for it.
     pub encode: f64,
-    /// The networks.
+    /// The networks, likewise.
     pub infer: f64,
     /// The search.
     pub search: f64,
@@ -50,10 +51,8 @@ pub struct Trial {
     pub nodes: u64,
     /// Where the time went.
     pub times: Times,
-    /// From which iteration on the seconds of encoding and networks count beside those of the search; `None` if they passed meanwhile
-    /// and the search's seconds hold what it waited for them.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub networks_after: Option<u64>,
+    /// From which iteration on the seconds of encoding and networks count beside those of the search.
+    pub networks_after: u64,
 }
 
 impl Trial {
@@ -81,9 +80,9 @@ impl Trial {
     /// The same with encoding and networks, if they were asked by then.
     pub(super) fn seconds_until(&self, found: Option<First>) -> f64 {
         let iterations = found.map_or(self.cap, |f| f.iterations);
-        let networks = match self.networks_after {
-            Some(after) if iterations > after => self.times.networks(),
-            _ => 0.0,
+        let networks = match iterations > self.networks_after {
+            true => self.times.networks(),
+            false => 0.0,
         };
         networks + self.search_until(found)
     }
@@ -143,13 +142,13 @@ pub(super) fn of_case(
                 first: true,
                 ..comparison.settings.clone()
             };
-            let (found, networks_after) = entrant.search(case, &settings, stop);
+            let (found, networks) = entrant.search(case, &settings, stop);
             // A search that was cut short says nothing about its sampler.
             if stop.is_raised() {
                 return Ok(None);
             }
             let stats = stats(case, found)?;
-            trials[turn].push(trial(case, contender, &settings, &stats, networks_after));
+            trials[turn].push(trial(case, contender, &settings, &stats, &networks));
         }
     }
     Ok(Some(trials.concat()))
@@ -175,26 +174,34 @@ fn trial(
     contender: &Contender,
     settings: &Settings,
     stats: &Stats,
-    networks_after: Option<u64>,
+    networks: &Networks,
 ) -> Trial {
-    let [encode, infer] = match networks_after {
-        Some(after) if stats.iterations <= after => [0.0; 2],
-        _ => case.network_seconds(contender),
+    let [encode, infer] = case.network_seconds(contender);
+    let (networks_after, share) = match networks {
+        Networks::After(samples) => (*samples, f64::from(u8::from(stats.iterations > *samples))),
+        Networks::Waited(head_start, waited) => {
+            let both = (encode + infer).max(f64::MIN_POSITIVE);
+            (head_start.states, waited.iter().sum::<f64>() / both)
+        }
+    };
+    let of_search = |first: First| First {
+        seconds: networks.without(first.iterations, first.seconds),
+        ..first
     };
     Trial {
         case: case.name.clone(),
         family: case.family.clone(),
         contender: contender.clone(),
         seed: settings.seed,
-        prefix: stats.first_prefix,
-        plan: stats.first_plan,
+        prefix: stats.first_prefix.map(of_search),
+        plan: stats.first_plan.map(of_search),
         cap: settings.iterations,
         nodes: stats.nodes,
         times: Times {
             translate: case.translate_seconds,
-            encode,
-            infer,
-            search: stats.seconds,
+            encode: share * encode,
+            infer: share * infer,
+            search: networks.without(u64::MAX, stats.seconds),
         },
         networks_after,
     }

@@ -6,7 +6,7 @@ use super::args::{BenchTransferArgs, TransferTable};
 use super::console::Console;
 use super::failure::{Failure, JSON_VERSION};
 use super::files;
-use crate::automaton::Task;
+use crate::automaton::{Limits, Task};
 use crate::bench::transfer::{
     PAPER, TransferBench, TransferBenchError, changed_environments, continuous_workspace,
     grid_library, grid_scenario, table,
@@ -93,7 +93,11 @@ fn automata(args: &BenchTransferArgs) -> Result<Vec<(String, Task)>, Failure> {
     for paper in &PAPER {
         let file = folder.join(format!("{}.hoa", paper.name));
         if file.exists() {
-            let nba = files::automaton(&file, &grid_scenario(Some(paper.formula))?)?;
+            let nba = files::automaton(
+                &file,
+                &grid_scenario(Some(paper.formula))?,
+                &Limits::default(),
+            )?;
             let task = Task::from_nba(nba).map_err(MissionError::from)?;
             found.push((paper.name.to_owned(), task));
         }

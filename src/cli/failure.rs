@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::automaton::{TaskError, TranslateError};
+use crate::exact::Infeasible;
 use crate::mission::MissionError;
 use crate::plan::PlanFileError;
 use crate::planner::PlanError;
@@ -145,8 +146,13 @@ impl From<MissionError> for Failure {
             }
             MissionError::NotOnThisMap(why) => Self::negative("not-on-this-map", message)
                 .with_details(json!({ "facts": why.facts })),
-            MissionError::Exact(_) | MissionError::Plan(PlanError::Unreachable(_)) => {
-                Self::negative("unreachable", message)
+            MissionError::Plan(PlanError::Unreachable(_)) => Self::negative("unreachable", message),
+            MissionError::Exact(Infeasible::Unsatisfiable) => {
+                Self::negative("not-on-this-map", message)
+            }
+            // Where it were certain, walls or regions would have been named.
+            MissionError::Exact(Infeasible::NoPrefix | Infeasible::NoSuffix) => {
+                Self::negative("not-found", message)
             }
             MissionError::Plan(PlanError::NotFound(_)) => Self::negative("not-found", message),
             MissionError::Task(TaskError::Unsatisfiable) => {

@@ -128,12 +128,11 @@ pub(super) fn keep_inputs(inputs: &[&Path], outputs: &[&Path]) -> Result<(), Fai
 
 /// Reads an automaton (HOA) over the letters of the scenario's map. A robot that moves
 /// continuously may cross a region in any number of steps, so the automaton must not count them.
-pub(super) fn automaton(file: &Path, scenario: &Scenario) -> Result<Nba, Failure> {
-    let limits = Limits::default();
+pub(super) fn automaton(file: &Path, scenario: &Scenario, limits: &Limits) -> Result<Nba, Failure> {
     let name = file.display().to_string();
     let text = read_text(file).map_err(|e| Failure::input(format!("{name}: {e}")))?;
     let letters = Arc::clone(scenario.workspace.alphabet());
-    let nba = read_hoa(&text, letters, &limits).map_err(|e| {
+    let nba = read_hoa(&text, letters, limits).map_err(|e| {
         let lines = snippet::show(&e.source, e.line, &e.place());
         Failure::input(format!("{name}: {e}")).with_snippet(Some(lines))
     })?;
@@ -141,7 +140,7 @@ pub(super) fn automaton(file: &Path, scenario: &Scenario) -> Result<Nba, Failure
         // On a grid every waypoint is a letter, so counting them means something.
         return Ok(nba);
     }
-    match nba.is_stutter_invariant(&limits) {
+    match nba.is_stutter_invariant(limits) {
         Ok(true) => Ok(nba),
         Ok(false) => Err(Failure::input(format!(
             "{name}: the automaton counts repeated letters, which have no meaning while a robot moves continuously: give one without X (next)"

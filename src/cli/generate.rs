@@ -26,6 +26,7 @@ pub(super) fn run(args: &GenerateArgs, console: &Console) -> Result<(), Failure>
         } else {
             args.families.clone()
         },
+        random_share: args.random_formulas,
         ..usual
     };
     let config = match args.part {

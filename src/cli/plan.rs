@@ -54,12 +54,12 @@ pub(super) fn read(args: &PlanArgs, console: &Console) -> Result<(Scenario, Task
         mission_args.task = Some("true".to_owned());
     }
     let scenario = files::scenario(&mission_args, console)?;
+    let limits = (&args.limits).into();
     let translated = Instant::now();
     let task = match &args.automaton {
-        Some(file) => {
-            Task::from_nba(files::automaton(file, &scenario)?).map_err(MissionError::from)?
-        }
-        None => mission::task_within(&scenario, &(&args.limits).into())?,
+        Some(file) => Task::from_nba(files::automaton(file, &scenario, &limits)?)
+            .map_err(MissionError::from)?,
+        None => mission::task_within(&scenario, &limits)?,
     };
     Ok((scenario, task, translated.elapsed().as_secs_f64()))
 }
@@ -122,7 +122,11 @@ pub(super) fn watched<T>(
     console: &Console,
     search: impl FnOnce(&Stop, &mut dyn FnMut(Progress)) -> Result<T, MissionError>,
 ) -> Result<T, Failure> {
-    let stop = super::interrupt::stop_on_interrupt();
+    // The exact planner has nothing to show before its end: an interrupt ends it, and the program.
+    let stop = match options.sampler {
+        SamplerChoice::Exact => Stop::new(),
+        _ => super::interrupt::stop_on_interrupt(),
+    };
     let bar = console.progress(options.settings.iterations, "planning");
     let alphabet = scenario.workspace.alphabet();
     let planned = search(&stop, &mut |p: Progress| {
@@ -315,6 +319,15 @@ pub(super) fn describe_as(scenario: &Scenario, planned: &Planned, done: &str) ->
         rest(weight),
         cost.suffix
     );
+    if let Some(bound) = &file.bound {
+        let _ = writeln!(
+            text,
+            "  bound   no plan in the product of map and automaton costs less than {:.4}: at most {:.1} % above the optimum ({})",
+            bound.cost,
+            100.0 * bound.gap,
+            seconds(bound.seconds)
+        );
+    }
     if let Some(first) = &file.first {
         let _ = writeln!(
             text,

@@ -6,6 +6,7 @@ use super::args::VerifyArgs;
 use super::console::{Console, rest};
 use super::failure::{Failure, JSON_VERSION};
 use super::files;
+use crate::automaton::Limits;
 use crate::mission;
 use crate::plan::PlanFile;
 use crate::scenario::{Overrides, Scenario};
@@ -47,7 +48,7 @@ pub(super) fn run(args: &VerifyArgs, console: &Console) -> Result<(), Failure> {
         _ => scenario.weight,
     };
     let automaton = match &args.automaton {
-        Some(file) => Some(files::automaton(file, &scenario)?),
+        Some(file) => Some(files::automaton(file, &scenario, &Limits::default())?),
         None => None,
     };
     let stated = plan.cost.as_ref();

@@ -39,6 +39,9 @@ impl Expert {
     pub const PAPER_ITERATIONS: u64 = 10_000;
 }
 
+/// The share of formulas that are random syntax trees, where nothing else is said.
+pub const RANDOM_SHARE: f64 = 0.2;
+
 /// What to generate. Map `index` of a set depends on the fields `seed` to `min_length` and on
 /// `index` alone.
 #[derive(Clone, Debug, PartialEq)]
@@ -91,7 +94,7 @@ impl GenerateConfig {
                 (Family::Rooms, 0.2),
             ],
             missions_per_map: 6,
-            random_share: 0.2,
+            random_share: RANDOM_SHARE,
             max_states: 60,
             weight: 0.2,
             expert: Expert::Exact,

@@ -19,7 +19,9 @@ mod sample;
 mod shapes;
 
 pub use differences::Difference;
-pub use generate::{Expert, GenerateConfig, GenerateError, MANIFEST, Outcome, Progress, generate};
+pub use generate::{
+    Expert, GenerateConfig, GenerateError, MANIFEST, Outcome, Progress, RANDOM_SHARE, generate,
+};
 pub use merge::{MergeError, merge};
 pub use read::{
     LabelledMission, ReadError, drawn_missions, missions as labelled_missions, read_manifest,

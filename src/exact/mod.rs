@@ -100,12 +100,12 @@ pub enum Infeasible {
     Unsatisfiable,
     /// No accepting state of the product can be reached.
     #[error(
-        "no path from the start reaches an accepting state: obstacles or forbidden regions are in the way"
+        "the roadmap of the map's corners has no path from the start to an accepting state: another --sampler may find one"
     )]
     NoPrefix,
     /// Accepting states can be reached, but none again from itself.
     #[error(
-        "no accepting state that the robot can reach lies on a loop that it can follow for ever"
+        "no accepting state that the roadmap of the map's corners leads to lies on a loop there: another --sampler may find one"
     )]
     NoSuffix,
     /// A path was found, but no run of the automaton follows it waypoint by waypoint.

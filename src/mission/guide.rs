@@ -294,7 +294,7 @@ impl Chosen {
                 let said = is_told.then(|| networks.finish()).flatten();
                 Ok(match said.transpose()? {
                     Some(prediction) => Answer {
-                        waited: networks.waited(),
+                        waited: networks.waited().iter().sum(),
                         ..Answer::new(prediction)
                     },
                     None => Answer::without_networks(unasked.clone()),

@@ -35,7 +35,7 @@ use nalgebra::Point2;
 use crate::automaton::{Limits, Nba, Task, TaskError};
 use crate::guidance::Guidance;
 use crate::nn::{DeviceChoice, LoadError, PredictError};
-use crate::plan::{Cost, First, Path, PlanFile, PlanStats, StageSeconds};
+use crate::plan::{Bound, Cost, First, Path, PlanFile, PlanStats, StageSeconds};
 use crate::planner::{self, GuidanceError, PlanError, Problem, Progress, Settings, Stats, Stop};
 use crate::scenario::Scenario;
 use crate::system::{Continuous, Grid, GridError, MapLayout, Spot, StartError, TransitionSystem};
@@ -295,6 +295,23 @@ fn explained(scenario: &Scenario, task: &Task, e: MissionError) -> MissionError 
         .map_or(e, MissionError::Unreachable)
 }
 
+/// A lower bound beside a plan's cost: on grids the cost itself, as their product was searched exhaustively.
+fn bound(scenario: &Scenario, task: &Task, upper: f64) -> Option<Bound> {
+    let began = Instant::now();
+    let map = &scenario.workspace;
+    let cost = match scenario.grid {
+        None => crate::exact::quick_bound(map, scenario.start, task, scenario.weight, upper),
+        Some(_) => upper,
+    };
+    // Nothing is learned from a bound of 0, but of a plan that costs as little.
+    let gap = if upper > 0.0 { upper / cost - 1.0 } else { 0.0 };
+    gap.is_finite().then(|| Bound {
+        cost,
+        gap,
+        seconds: began.elapsed().as_secs_f64(),
+    })
+}
+
 /// Plans without sampling.
 fn exact(scenario: &Scenario, task: &Task, options: &Options) -> Result<Planned, MissionError> {
     let began = Instant::now();
@@ -313,9 +330,11 @@ fn exact(scenario: &Scenario, task: &Task, options: &Options) -> Result<Planned,
         }
     };
     let search = began.elapsed().as_secs_f64();
+    let bound = bound(scenario, task, cost.total);
     let (path, verified) = folded(scenario, task, path, &cost)?;
     let mut file = file(scenario, task, &path, verified.cost);
     file.sampler = Some("exact".to_owned());
+    file.bound = bound;
     let seconds = StageSeconds {
         search,
         total: began.elapsed().as_secs_f64(),

@@ -1,4 +1,4 @@
-//! Networks that answer while the search takes its first steps.
+//! Networks that answer while the search goes on.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -28,7 +28,7 @@ struct Listener {
     all: Option<Result<Prediction, MissionError>>,
     is_taken: bool,
     is_asked: bool,
-    waited: f64,
+    waited: [f64; 2],
 }
 
 /// What is to be done, until somebody begins to do it.
@@ -82,7 +82,7 @@ impl Thinking {
             all: None,
             is_taken: false,
             is_asked: false,
-            waited: 0.0,
+            waited: [0.0; 2],
         })))
     }
 
@@ -128,21 +128,22 @@ impl Thinking {
         self.lock().is_asked
     }
 
-    /// Seconds that searches have waited for them.
-    pub(super) fn waited(&self) -> f64 {
+    /// Seconds that searches have waited for StateNet's and then for PathNet's answer.
+    #[must_use]
+    pub fn waited(&self) -> [f64; 2] {
         self.lock().waited
     }
 
     fn by_states(&self, count: usize) -> Option<Guide> {
         let mut listener = self.lock();
-        listener.wait(|l| l.states.is_some() || l.all.is_some());
+        listener.wait(0, |l| l.states.is_some() || l.all.is_some());
         let states = listener.states.as_deref()?;
         Guide::of_states(states, count).ok()
     }
 
     fn by_all(&self, count: usize) -> Option<Guide> {
         let mut listener = self.lock();
-        listener.wait(|l| l.all.is_some());
+        listener.wait(1, |l| l.all.is_some());
         let prediction = listener.all.as_ref()?.as_ref().ok()?;
         Guide::new(&prediction.guidance, count).ok()
     }
@@ -165,12 +166,12 @@ impl Drop for Listener {
 }
 
 impl Listener {
-    /// Waits for a search.
-    fn wait(&mut self, enough: impl Fn(&Self) -> bool) {
+    /// Waits for a search that needs the answer of this number.
+    fn wait(&mut self, answer: usize, enough: impl Fn(&Self) -> bool) {
         let began = Instant::now();
         self.is_asked = true;
         self.listen(enough);
-        self.waited += began.elapsed().as_secs_f64();
+        self.waited[answer] += began.elapsed().as_secs_f64();
     }
 
     fn listen(&mut self, enough: impl Fn(&Self) -> bool) {

@@ -53,6 +53,10 @@ pub struct PlanFile {
     /// Lengths and their weighted sum.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cost: Option<Cost>,
+    /// What every path in the product of map and automaton costs at least that satisfies the task, and the seconds that it took to find
+    /// that out; from the exact planner. A plan whose loop begins before its automaton state comes back can cost less.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bound: Option<Bound>,
     /// What the first plan took and cost.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first: Option<First>,
@@ -72,6 +76,17 @@ pub struct PlanPoint {
     /// The automaton state on arrival; the checker does not look at it.
     #[serde(default)]
     pub state: u32,
+}
+
+/// A lower bound on what plans cost.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Bound {
+    /// No plan in the product costs less, in map units.
+    pub cost: f64,
+    /// By how much the plan that was found there costs more at most: 0.05 is 5 %. The file's plan may cost less than that one.
+    pub gap: f64,
+    /// Seconds that it took.
+    pub seconds: f64,
 }
 
 /// When something was found, and what it cost then.
@@ -187,6 +202,7 @@ impl PlanFile {
             prefix: points(&path.prefix),
             suffix: points(&path.suffix),
             cost: None,
+            bound: None,
             first: None,
             first_prefix: None,
             stats: None,

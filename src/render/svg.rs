@@ -138,7 +138,7 @@ pub(super) fn draw(picture: &Picture<'_>, layers: Layers) -> Drawing {
 /// How wide the numbers on the left are, with what is beside them.
 fn room_for_numbers(bounds: Bounds) -> f64 {
     let step = nice_step(bounds.side() / 5.0);
-    let numbers = ticks(bounds.min.y, bounds.max.y, step).into_iter();
+    let numbers = ticks(bounds.min.y, bounds.max.y, step);
     let widths = numbers.map(|value| NUMBER * text_width(&number(value, step)));
     widths.fold(LEFT, |left, width| left.max(width + TICK + 8.0))
 }

@@ -136,7 +136,7 @@ fn numbers_beside(svg: &str) -> Vec<(f64, String)> {
     let ends = texts.map(|line| {
         let text = part(line, "\">", "<");
         let x: f64 = part(line, "x=\"", "\"").parse().unwrap();
-        (x - 12.0 * super::text::text_width(&text), text)
+        (x - 12.0 * text::text_width(&text), text)
     });
     ends.collect()
 }
@@ -177,7 +177,7 @@ fn long_names_keep_clear_of_each_other() {
             let number = |from: &str| part(from).parse::<f64>().unwrap();
             let text = line.split("\">").nth(1).unwrap().split('<').next().unwrap();
             let (x, y, size) = (number("x=\""), number("y=\""), number("font-size=\""));
-            let half = size * super::text::text_width(text) / 2.0;
+            let half = size * text::text_width(text) / 2.0;
             [x - half, x + half, y - size * 0.7, y + size * 0.1]
         })
         .collect();

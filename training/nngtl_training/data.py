@@ -1,6 +1,7 @@
 """A data set in memory: maps as small integer rasters, missions as paths and graphs, in flat arrays."""
 
 import json
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -98,7 +99,8 @@ def load(directory, config, cache=None, limit=None, families=None):
         path.parent.mkdir(parents=True, exist_ok=True)
         why = np.array(list(builder.skipped), dtype="U64")
         count = np.array(list(builder.skipped.values()), dtype=np.int64)
-        partial = path.with_suffix(".partial.npz")
+        # Ranks that find no cache build it side by side: each writes a file of its own, and the last one stays.
+        partial = path.with_suffix(f".{os.getpid()}.partial.npz")
         np.savez(partial, skipped_why=why, skipped_count=count, **arrays)
         partial.replace(path)
     return Missions(side, labels, shards.fingerprint(manifest), skipped=builder.skipped, **arrays)

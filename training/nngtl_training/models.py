@@ -163,13 +163,16 @@ class PathNetPaper(nn.Module):
         for block in self.encoder:
             x = leaky(drop(block(x), p, self.training))
             levels.append(x)
-        after = run_graph(self.graph, graphs, plain_nodes(graphs), p, self.training)
-        feature = self.fusion(gr.graph_feature(graphs, after[-1]))
+        with torch.autocast(raster.device.type, enabled=False):
+            after = run_graph(self.graph, graphs, plain_nodes(graphs), p, self.training)
+            feature = gr.graph_feature(graphs, after[-1])
+            middle = gr.graph_feature(graphs, after[2]) if self.config["skip"] == "third" else None
+        feature = self.fusion(feature).to(x.dtype)
         feature = feature.view(x.shape[0], x.shape[1], *(x.shape[2:] if self.config["fusion"] == "dense" else (1, 1)))
         x = torch.cat([x, feature.expand_as(x)], dim=1)
         for i, block in enumerate(self.decoder):
             if i == 2 and self.config["skip"] == "third":
-                skip = self.skip(gr.graph_feature(graphs, after[2]))
+                skip = self.skip(middle).to(levels[2].dtype)
                 x = torch.cat([x, levels[2], skip[:, :, None, None].expand_as(levels[2])], dim=1)
             x = F.relu(drop(block(x), p, self.training))
         return self.head(x)[:, 0]

@@ -154,6 +154,33 @@ def test_an_exported_model_computes_what_it_did(name, kind, data_set, tmp_path):
         assert torch.equal(model.eval()(batch.raster, batch.graphs), again(batch.raster, batch.graphs))
 
 
+@pytest.mark.parametrize("name", ["compact", "raster", "paper"])
+@pytest.mark.parametrize("kind", ["pathnet", "statenet"])
+def test_mixed_precision_learns_what_single_precision_does(name, kind, data_set):
+    changes = {
+        ("compact", "pathnet"): SMALL["pathnet"],
+        ("compact", "statenet"): SMALL["statenet"],
+        ("raster", "pathnet"): RASTER["pathnet"],
+        ("raster", "statenet"): RASTER["statenet"],
+        ("paper", "pathnet"): ["network.n1=2", "network.resolution=100", "network.graph=[8,8,8]"],
+        ("paper", "statenet"): ["network.trunk_widths=[2,2,4,4]", "network.trunk_blocks=[1,1,1,1]", "network.map_feature=8", "network.graph=[8,8]", "network.first=4"],
+    }[name, kind]
+    changes = [*changes, "training.batch=8", "training.precision=%s"]
+    losses = {}
+    for precision in ("f32", "bf16"):
+        run = begin(configs.get(name, kind, [change.replace("%s", precision) for change in changes]), data_set[0])
+        assert run.half == (precision == "bf16")
+        losses[precision] = [run.train_step(step / 4) for step in range(4)]
+    assert np.allclose(losses["f32"], losses["bf16"], rtol=0.05), losses
+
+
+def test_a_set_that_the_program_made_is_learned_from(made_by_nngtl):
+    for kind in ("pathnet", "statenet"):
+        run = begin(small(kind), made_by_nngtl[0])
+        assert len(run.missions) > 8
+        assert np.isfinite([run.train_step(step / 4) for step in range(4)]).all()
+
+
 def test_the_same_weights_give_the_same_bytes(tmp_path):
     model = models.build(small("statenet")["network"])
     files = [tmp_path / str(k) for k in range(4)]

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use super::entrant::Networks;
 use super::groups::{Group, groups};
 use super::trials::stats;
 use super::{BenchError, Case, Contender};
@@ -236,7 +237,7 @@ fn descend(
     let Some(entrant) = case.entrant(contender, settings)? else {
         return Ok(None);
     };
-    let (found, networks_after) = entrant.search(case, settings, stop);
+    let (found, networks) = entrant.search(case, settings, stop);
     let solution = found.as_ref().ok();
     let verified = solution.and_then(|solution| check(&case.problem, solution));
     let stats = stats(case, found)?;
@@ -247,7 +248,10 @@ fn descend(
         iterations: stats.iterations,
         seconds: stats.seconds,
         network_seconds: case.network_seconds(contender).iter().sum(),
-        networks_after,
+        networks_after: match networks {
+            Networks::After(samples) => Some(samples),
+            Networks::Waited(..) => None,
+        },
         verified,
     }))
 }

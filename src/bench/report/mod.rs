@@ -264,7 +264,7 @@ pub(super) mod tests {
                 infer: 0.002,
                 search: 1e-5 * iterations.unwrap_or(CAP) as f64,
             },
-            networks_after: Some(0),
+            networks_after: 0,
         }
     }
 
@@ -296,12 +296,7 @@ pub(super) mod tests {
 
     #[test]
     fn the_time_of_networks_counts_from_when_they_are_asked() {
-        for (after, iterations, networks) in [
-            (Some(0), 1, 2.5),
-            (Some(100), 100, 0.0),
-            (Some(100), 101, 2.5),
-            (None, 101, 0.0),
-        ] {
+        for (after, iterations, networks) in [(0, 1, 2.5), (100, 100, 0.0), (100, 101, 2.5)] {
             let mut trial = trial("m", None, Strategy::Guided, Some(iterations));
             trial.networks_after = after;
             let whole = 1e3 * trial.seconds_until(trial.plan);

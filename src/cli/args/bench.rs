@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args, Subcommand, ValueEnum};
 
-use super::dataset::family_weight;
+use super::dataset::{family_weight, share};
 use super::{DeviceName, GuidedArgs, NetworkArgs};
 use crate::bench::COMPLEX_FROM;
+use crate::dataset::RANDOM_SHARE;
 use crate::dataset::maps::Family;
 use crate::planner::Settings;
 
@@ -109,6 +110,16 @@ pub(in crate::cli) struct BenchMissionArgs {
     /// [default: paper]
     #[arg(long, value_delimiter = ',', value_parser = family_weight, value_name = "NAME=WEIGHT,…", conflicts_with = "scenarios")]
     pub(in crate::cli) families: Vec<(Family, f64)>,
+    /// The share of drawn missions whose formula is a random syntax tree, like all of the paper's; the others follow patterns that
+    /// robots use
+    #[arg(
+        long,
+        value_name = "SHARE",
+        value_parser = share,
+        default_value_t = RANDOM_SHARE,
+        conflicts_with = "scenarios"
+    )]
+    pub(in crate::cli) random_formulas: f64,
     /// Seed of the drawn missions, apart from the seeds that the networks were trained on
     #[arg(
         long,

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
+use crate::dataset::RANDOM_SHARE;
 use crate::dataset::maps::{Family, UnknownFamily};
 
 /// A family of maps, with its weight if that is not 1.
@@ -17,6 +18,13 @@ pub(super) fn family_weight(text: &str) -> Result<(Family, f64), String> {
     let number: f64 = weight.trim().parse().map_err(|_| expected())?;
     let usable = number.is_finite() && number >= 0.0;
     usable.then_some((family, number)).ok_or_else(expected)
+}
+
+/// A share of a whole.
+pub(super) fn share(text: &str) -> Result<f64, String> {
+    let number: Option<f64> = text.trim().parse().ok();
+    let usable = number.filter(|n| (0.0..=1.0).contains(n));
+    usable.ok_or_else(|| "expected a share from 0 to 1".to_owned())
 }
 
 /// Make training data
@@ -48,6 +56,9 @@ pub(in crate::cli) struct GenerateArgs {
     /// [default: paper=0.55,clutter=0.25,rooms=0.2]
     #[arg(long, value_delimiter = ',', value_parser = family_weight, value_name = "NAME=WEIGHT,…")]
     pub(in crate::cli) families: Vec<(Family, f64)>,
+    /// The share of missions whose formula is a random syntax tree, like the paper's; the others follow patterns that robots use
+    #[arg(long, value_name = "SHARE", value_parser = share, default_value_t = RANDOM_SHARE)]
+    pub(in crate::cli) random_formulas: f64,
     /// Who plans the missions
     #[arg(long, value_enum, value_name = "NAME", default_value_t = ExpertName::Exact)]
     pub(in crate::cli) expert: ExpertName,

@@ -436,7 +436,7 @@ pub(super) struct GuidedArgs {
     /// Directed and guided: half side of the square around the next corner of the shortest way, relative to the map's side
     #[arg(long, value_name = "R", default_value_t = Settings::default().corner)]
     pub(super) corner: f64,
-    /// Guided: wait for the networks before the first sample, and not only before the 9th (StateNet) and the 25th (PathNet)
+    /// Guided: wait for the networks before the first sample, and not only before the 25th (StateNet) and the 65th (PathNet)
     #[arg(long)]
     pub(super) networks_first: bool,
 }

@@ -93,6 +93,7 @@ fn drawn(args: &BenchMissionArgs, stop: &Stop, console: &Console) -> Result<Vec<
             [] => vec![(Family::Paper, 1.0)],
             some => some.to_vec(),
         },
+        random_share: args.random_formulas,
         ..GenerateConfig::new("", args.mission_seed, wanted)
     };
     let bar = console.progress(wanted, "drawing");
@@ -264,7 +265,10 @@ fn live(networks: &Arc<Mutex<Predictor>>, map: &Arc<Workspace>, problem: &Proble
         let thinking = Thinking::new(networks, map, problem.clone(), aside);
         Asked {
             sampler: thinking.sampler(head_start, &problem),
-            finish: Box::new(move || thinking.settle()),
+            finish: Box::new(move || {
+                thinking.settle();
+                thinking.waited()
+            }),
         }
     })
 }

@@ -22,10 +22,10 @@ pub struct HeadStart {
 }
 
 impl HeadStart {
-    /// On the machines that it was measured on, the search takes about as long from the beginning to either answer as the networks
-    /// take to give it (`docs/guidance.md`).
+    /// Three of four searches find their best plan within sixteen samples. From there to the answers those that go on take about
+    /// as long as the networks (`docs/guidance.md`).
     pub const USUAL: Self = Self {
-        begin: 8,
+        begin: 16,
         states: 24,
         heatmap: 64,
     };

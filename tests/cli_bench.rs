@@ -73,7 +73,11 @@ fn two_reports_differ_in_times_alone() {
             "--cost-iterations",
             "100",
             "--samplers",
-            "biased,directed",
+            "biased,directed,guided",
+            "--device",
+            "cpu",
+            "--random-formulas",
+            "0.5",
         ]);
         assert_eq!(run.code, 0, "{run:?}");
     }
@@ -108,7 +112,11 @@ fn two_reports_differ_in_times_alone() {
         "--cost-iterations",
         "100",
         "--samplers",
-        "biased,directed",
+        "biased,directed,guided",
+        "--device",
+        "cpu",
+        "--random-formulas",
+        "0.5",
     ]);
     assert!(again.err.contains("5 missions are kept"), "{again:?}");
     let other = drawn(&["--out", &one.display().to_string(), "--seed", "9"]);
@@ -116,7 +124,8 @@ fn two_reports_differ_in_times_alone() {
     assert!(other.err.contains("other settings"), "{other:?}");
     for says in [
         "settings.seed 0, now 9;",
-        "contenders biased,directed, now uniform,biased,",
+        "contenders biased,directed,guided",
+        ", now uniform,biased,",
     ] {
         assert_eq!(other.err.matches(says).count(), 1, "{other:?}");
     }

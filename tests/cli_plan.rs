@@ -307,7 +307,16 @@ fn a_search_that_ran_out_of_time_is_offered_more_of_it() {
 
 #[test]
 fn the_exact_planner_beats_sampling_here() {
+    let said = plan("case-study.toml", &["--sampler", "exact"]).out;
+    assert!(said.contains("  bound   no plan in the product"), "{said}");
     let exact = plan("case-study.toml", &["--sampler", "exact", "--json"]).json();
+    let bound = &exact["plan"]["bound"];
+    let (least, gap) = (
+        bound["cost"].as_f64().unwrap(),
+        bound["gap"].as_f64().unwrap(),
+    );
+    let cost = exact["plan"]["cost"]["total"].as_f64().unwrap();
+    assert!(least > 0.0 && gap >= 0.0 && cost <= least * (1.0 + gap) * (1.0 + 1e-9));
     let sampled = plan("case-study.toml", &["--json"]).json();
     let total = |object: &serde_json::Value| object["plan"]["cost"]["total"].as_f64().unwrap();
     assert!(total(&exact) <= total(&sampled) && total(&exact) > 0.9 * total(&sampled));

@@ -91,6 +91,42 @@ def test_the_command_trains_continues_and_exports(data_set, tmp_path, capsys):
         assert json.loads(file.metadata()["config"])["power"] == 4
 
 
+def test_a_run_ends_with_its_minutes_and_keeps_to_its_families(made_by_nngtl, tmp_path):
+    out = tmp_path / "run"
+    base = ["statenet", "--data", str(made_by_nngtl[0]), "--out", str(out), "--device", "cpu", "--families", "mazes"]
+    for change in [*SMALL["statenet"], "training.batch=4"]:
+        base += ["--set", change]
+    train.main([*base, "--minutes", "0.02"])
+    record = json.loads((out / "record.json").read_text())
+    assert record["steps"] >= 1 and set(record["families"]) == {"mazes"}
+    train.main([*base, "--minutes", "0.02"])  # nothing is left to do
+    assert json.loads((out / "record.json").read_text())["steps"] <= record["steps"] + 1
+
+
+def test_a_given_trunk_stands_still_for_its_first_epochs(data_set, tmp_path):
+    """IV-D: the ImageNet trunk is frozen first, and trained with the rest then."""
+    names = ["network.trunk_widths=[2,2,4,4]", "network.trunk_blocks=[1,1,1,1]", "network.map_feature=8", "network.graph=[8,8]", "network.first=4"]
+    changes = [*names, "training.batch=4", "training.frozen_epochs=1", "training.precision=f32"]
+    torch.manual_seed(5)
+    given = models.build(configs.get("paper", "statenet", names)["network"]).trunk.state_dict()
+    torch.save(given, tmp_path / "trunk.pt")
+    base = ["statenet", "--config", "paper", "--data", str(data_set[0]), "--out", str(tmp_path / "run"), "--device", "cpu", "--trunk", str(tmp_path / "trunk.pt")]
+    for change in changes:
+        base += ["--set", change]
+
+    def moved():
+        model, record = export.read(tmp_path / "run" / "statenet.safetensors")
+        assert record["trunk"] == "trunk.pt"
+        state = model.trunk.state_dict()
+        return any(not torch.equal(state[name], value) for name, value in given.items())
+
+    train.main([*base, "--steps", "2"])
+    assert not moved()
+    count = len(begin(configs.get("paper", "statenet", changes), data_set[0]).missions)
+    train.main([*base, "--steps", str(count // 4 + 3)])
+    assert moved()
+
+
 def test_two_processes_train_as_one_does(data_set, tmp_path):
     """Under ``torchrun`` the batch is shared out and gradients are averaged; batch statistics are each process's own."""
     config = small("statenet")

@@ -27,10 +27,15 @@ const RIGHT: f64 = 26.0;
 /// The size of the numbers beside the map, and what is between them and it.
 const NUMBER: f64 = 12.0;
 const TICK: f64 = 9.0;
-/// Sizes of the regions' names, from which the first is taken at which a name has room of its own.
-const NAMES: [f64; 4] = [16.0, 13.5, 11.5, 10.0];
-/// The longest a region's name gets, in pixels: what is longer ends in dots.
-const LONGEST_NAME: f64 = 200.0;
+/// Sizes of the regions' names, and how long a name may get, in pixels, before it ends in dots: the first at which it has room of its
+/// own is taken.
+const NAMES: [[f64; 2]; 5] = [
+    [16.0, 400.0],
+    [13.5, 400.0],
+    [11.5, 400.0],
+    [10.0, 400.0],
+    [10.0, 150.0],
+];
 /// The picture is at least this wide, so that headings fit beside a narrow map.
 const MIN_WIDTH: f64 = 560.0;
 /// Which layers are wanted.
@@ -519,8 +524,8 @@ impl Canvas<'_, '_> {
         for (i, region) in self.picture.workspace.regions().iter().enumerate() {
             let ring = self.scale.ring(&region.polygon);
             let mut placed = None;
-            for size in NAMES {
-                let name = text::fitted(&region.name, LONGEST_NAME / size);
+            for [size, longest] in NAMES {
+                let name = text::fitted(&region.name, longest / size);
                 let (width, height) = (text_width(&name) * size + 4.0, size * 1.15);
                 let place = board.room_in(&ring, width, height);
                 let free = !board.overlaps(&place);

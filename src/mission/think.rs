@@ -57,7 +57,7 @@ static THREAD: LazyLock<Option<Sender<Arc<Work>>>> = LazyLock::new(|| {
     name.spawn(work).ok().map(|_| give)
 });
 
-/// What both networks say, and what a search makes of it, which is a tenth of the time of a prediction and so not left to the search.
+/// What both networks say, and what a search makes of it: sums over the heatmap, which are found where the search does not wait.
 struct Answer {
     prediction: Prediction,
     guide: Option<Guide>,

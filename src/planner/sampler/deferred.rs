@@ -22,7 +22,7 @@ pub struct HeadStart {
 }
 
 impl HeadStart {
-    /// Three of four searches find their best plan within sixteen samples. From there to the answers those that go on take about
+    /// Three of four searches come within 1 % of the exact plan's cost in sixteen samples. From there to the answers those that go on take about
     /// as long as the networks (`docs/guidance.md`).
     pub const USUAL: Self = Self {
         begin: 16,

@@ -11,7 +11,7 @@
 use std::sync::Arc;
 
 use nngtl::automaton::{Limits, Task};
-use nngtl::bench::{Case, Contender, Mark, Prediction, Strategy, converge};
+use nngtl::bench::{Case, Contender, CostSettings, Mark, Prediction, Strategy, converge};
 use nngtl::dataset::maps::{Family, draw_map, draw_start};
 use nngtl::dataset::missions::draw_pattern;
 use nngtl::mission::{Question, predict_with};
@@ -74,12 +74,15 @@ fn main() {
         Strategy::Biased,
         Strategy::Directed,
         Strategy::Guided,
+        Strategy::Auto,
     ];
     if !named.is_empty() {
         strategies.retain(|s| named.iter().any(|n| n == s.name()));
     }
-    let guided = strategies.contains(&Strategy::Guided);
-    let mut networks = guided
+    let asks = |s: &Strategy| matches!(s, Strategy::Guided | Strategy::Auto);
+    let mut networks = strategies
+        .iter()
+        .any(asks)
         .then(|| Predictor::embedded(DeviceChoice::Cpu).ok())
         .flatten();
     let all = (0..).filter_map(|seed| case(seed, networks.as_mut()));
@@ -89,7 +92,7 @@ fn main() {
         time_limit: Some(seconds),
         ..Settings::default()
     };
-    let marks = [
+    let marks = vec![
         Mark::Iterations(1_000),
         Mark::Iterations(10_000),
         Mark::Iterations(100_000),
@@ -102,9 +105,12 @@ fn main() {
     let report = converge(
         &cases,
         &contenders,
-        &settings,
-        &marks,
-        true,
+        &CostSettings {
+            settings,
+            trials: 1,
+            marks,
+            bounds: true,
+        },
         &stop,
         &mut progress,
     )

@@ -189,6 +189,10 @@ fn gaps_fill_a_folder_of_their_own() {
     let findings = &object["findings"];
     assert_eq!(findings["costs"]["descents"].as_array().unwrap().len(), 6);
     assert!(findings.get("first").is_none());
+    // So are several searches.
+    let several = gaps("3", &["--trials", "2"]);
+    assert_eq!(several.code, 2, "{several:?}");
+    assert!(several.err.contains("trials 1, now 2"), "{several:?}");
     // A whole comparison is another one.
     let whole = drawn(&["--out", &out, "--samplers", "biased,directed"]);
     assert_eq!(whole.code, 2, "{whole:?}");
@@ -203,6 +207,37 @@ fn gaps_fill_a_folder_of_their_own() {
     let foreign = gaps("1", &[]);
     assert_eq!(foreign.code, 2, "{foreign:?}");
     assert!(foreign.err.contains("report.md"), "{foreign:?}");
+}
+
+/// Several searches on each mission, and what was measured where.
+#[test]
+fn gaps_without_a_folder_say_how_often_and_on_what_machine() {
+    let folder = folder();
+    let report = folder.path().join("gaps.md").display().to_string();
+    let arguments = [
+        "bench",
+        "--gaps",
+        "--missions",
+        "2",
+        "--iterations",
+        "100",
+        "--trials",
+        "3",
+        "--samplers",
+        "biased,flat",
+    ];
+    let run = nngtl(&[&arguments[..], &["--report", &report]].concat());
+    assert_eq!(run.code, 0, "{run:?}");
+    assert!(run.out.contains("3 searches of each sampler"), "{run:?}");
+    let text = std::fs::read_to_string(&report).unwrap();
+    assert!(text.starts_with(&run.out), "{text}");
+    assert!(
+        text.contains("--trials 3") && text.contains(" build), no networks"),
+        "{text}"
+    );
+    let object = nngtl(&[&arguments[..], &["--json"]].concat()).json();
+    assert_eq!(object["descents"].as_array().unwrap().len(), 2 * 2 * 3);
+    assert!(object["machine"]["cores"].as_u64() > Some(0), "{object}");
 }
 
 /// Ctrl-C writes the report of what is done, and the same command goes on from there.
@@ -279,7 +314,7 @@ fn arguments_that_make_no_sense_are_refused() {
         ),
         (&["bench", "--trials", "0"], "0 is not in"),
         (&["bench", "--missions", "0"], "0 is not in"),
-        (&["bench", "--gaps", "--trials", "3"], "cannot be used with"),
+        (&["bench", "--gaps", "--cost-trials", "3"], "cannot be used with"),
     ] {
         let run = nngtl(arguments);
         assert_eq!(run.code, 2, "{run:?}");

@@ -22,13 +22,13 @@ use serde::{Deserialize, Serialize};
 use crate::guidance::Guidance;
 use crate::planner::{GuidanceError, PlanError, Problem};
 
-pub use convergence::{Convergence, Descent, Mark, Reference, converge};
+pub use convergence::{Convergence, CostSettings, Descent, Mark, Reference, converge};
 pub use entrant::{Asked, Live};
 pub use groups::{COMPLEX_FROM, Classes, Group};
 pub use report::{RatioRow, Report, Row};
 pub use stats::{Measured, Ratio, Share, Summary, mean};
 pub use study::{
-    CostSettings, Findings, LogError, Machine, REPORT_FILES, Record, Study, StudyError, StudyFolder,
+    Findings, LogError, Machine, REPORT_FILES, Record, Study, StudyError, StudyFolder,
 };
 pub use trials::{Comparison, Times, Trial, compare};
 

@@ -16,9 +16,9 @@ use crate::workspace::{Enclosure, Workspace};
 
 use crossing::Crossing;
 
-/// Formulas over more regions than this are not explained in detail: there is an automaton to
-/// make for each fact, over all sets of the regions.
-const MAX_REGIONS: usize = 7;
+/// Formulas over more regions than this are not explained in detail: there are automata to make over all sets of the
+/// regions.
+const MAX_REGIONS: usize = 12;
 
 /// Obstacles that are named in a sentence at most.
 const NAMED: usize = 8;
@@ -91,22 +91,13 @@ impl NotOnThisMap {
             .iter()
             .filter_map(|name| alphabet.proposition(name))
             .collect();
-        let mut facts = Facts::of(alphabet, &regions);
+        let facts = Fact::all(alphabet, &regions);
         let complete = regions.len() == names.len() && regions.len() <= MAX_REGIONS;
-        if !complete || !facts.rule_out(formula, alphabet) {
-            facts.0.clear();
-        }
-        // Whatever is not needed is left out, one fact after the other.
-        let mut i = 0;
-        while i < facts.0.len() {
-            let mut fewer = facts.clone();
-            fewer.0.remove(i);
-            if fewer.rule_out(formula, alphabet) {
-                facts = fewer;
-            } else {
-                i += 1;
-            }
-        }
+        let rules_out = |facts: &[Fact]| rule_out(facts, formula, alphabet);
+        let facts = match complete && rules_out(&facts) {
+            true => needed(&facts, &rules_out),
+            false => Vec::new(),
+        };
         let name = |i: usize| alphabet.propositions()[i].clone();
         let named = |fact: &Fact| match *fact {
             Fact::Never(i) => LetterFact::Hidden { region: name(i) },
@@ -121,7 +112,7 @@ impl NotOnThisMap {
             Fact::Some => LetterFact::Covered,
         };
         Self {
-            facts: facts.0.iter().map(named).collect(),
+            facts: facts.iter().map(named).collect(),
             letters: alphabet.len(),
         }
     }
@@ -147,66 +138,87 @@ enum Fact {
     Some,
 }
 
-#[derive(Clone, Debug)]
-struct Facts(Vec<Fact>);
-
-impl Facts {
+impl Fact {
     /// What holds of the regions, alone and in pairs, wherever the robot can be.
-    fn of(alphabet: &Alphabet, regions: &[usize]) -> Self {
+    fn all(alphabet: &Alphabet, regions: &[usize]) -> Vec<Self> {
         let letters: Vec<Props> = alphabet.letters().map(|l| alphabet.props(l)).collect();
         let occurs = |test: &dyn Fn(Props) -> bool| letters.iter().any(|&p| test(p));
         let mut facts = Vec::new();
         let (seen, never): (Vec<usize>, Vec<usize>) =
             regions.iter().partition(|&&i| occurs(&|p| p.contains(i)));
-        facts.extend(never.into_iter().map(Fact::Never));
+        facts.extend(never.into_iter().map(Self::Never));
         for (k, &i) in seen.iter().enumerate() {
             for &j in &seen[k + 1..] {
                 if !occurs(&|p| p.contains(i) && p.contains(j)) {
-                    facts.push(Fact::NotBoth(i, j));
+                    facts.push(Self::NotBoth(i, j));
                 }
                 for (i, j) in [(i, j), (j, i)] {
                     if !occurs(&|p| p.contains(i) && !p.contains(j)) {
-                        facts.push(Fact::Implies(i, j));
+                        facts.push(Self::Implies(i, j));
                     }
                 }
             }
         }
         if !occurs(&|p| regions.iter().all(|&i| !p.contains(i))) {
-            facts.push(Fact::Some);
+            facts.push(Self::Some);
         }
-        Self(facts)
+        facts
     }
+}
 
-    /// Whether no word over letters that obey the facts satisfies the formula. What cannot be
-    /// translated counts as satisfiable.
-    fn rule_out(&self, formula: &Formula, alphabet: &Alphabet) -> bool {
-        let names = formula.propositions();
-        let regions: Vec<usize> = names
-            .iter()
-            .filter_map(|name| alphabet.proposition(name))
-            .collect();
-        let obeys = |set: u64| {
-            let has = |i: usize| {
-                let k = regions.iter().position(|&r| r == i);
-                k.is_some_and(|k| set >> k & 1 == 1)
-            };
-            self.0.iter().all(|fact| match *fact {
-                Fact::Never(i) => !has(i),
-                Fact::NotBoth(i, j) => !(has(i) && has(j)),
-                Fact::Implies(i, j) => !has(i) || has(j),
-                Fact::Some => set != 0,
-            })
+/// Whether no word over letters that obey the facts satisfies the formula. What cannot be
+/// translated counts as satisfiable.
+fn rule_out(facts: &[Fact], formula: &Formula, alphabet: &Alphabet) -> bool {
+    let names = formula.propositions();
+    let regions: Vec<usize> = names
+        .iter()
+        .filter_map(|name| alphabet.proposition(name))
+        .collect();
+    let obeys = |set: u64| {
+        let has = |i: usize| {
+            let k = regions.iter().position(|&r| r == i);
+            k.is_some_and(|k| set >> k & 1 == 1)
         };
-        let sets = (0..1_u64 << regions.len()).filter(|&s| obeys(s)).map(Props);
-        let names = regions
-            .iter()
-            .map(|&i| alphabet.propositions()[i].clone())
-            .collect();
-        Alphabet::new(names, sets).is_ok_and(|letters| {
-            translate(formula, Arc::new(letters), &Limits::default())
-                .is_ok_and(|nba| nba.is_empty())
+        facts.iter().all(|fact| match *fact {
+            Fact::Never(i) => !has(i),
+            Fact::NotBoth(i, j) => !(has(i) && has(j)),
+            Fact::Implies(i, j) => !has(i) || has(j),
+            Fact::Some => set != 0,
         })
+    };
+    let sets = (0..1_u64 << regions.len()).filter(|&s| obeys(s)).map(Props);
+    let names = regions
+        .iter()
+        .map(|&i| alphabet.propositions()[i].clone())
+        .collect();
+    Alphabet::new(names, sets).is_ok_and(|letters| {
+        translate(formula, Arc::new(letters), &Limits::default()).is_ok_and(|nba| nba.is_empty())
+    })
+}
+
+/// Of facts that suffice some that do, and none of which can be left out (QuickXplain: U. Junker, "QuickXplain: preferred
+/// explanations and relaxations for over-constrained problems", AAAI 2004): few of many are found in few attempts.
+fn needed(facts: &[Fact], suffice: &dyn Fn(&[Fact]) -> bool) -> Vec<Fact> {
+    /// Of `facts` those that are needed beside `given`; `grown` says whether `given` got more since it was last tried.
+    fn beside(
+        given: &[Fact],
+        grown: bool,
+        facts: &[Fact],
+        suffice: &dyn Fn(&[Fact]) -> bool,
+    ) -> Vec<Fact> {
+        if facts.is_empty() || grown && suffice(given) {
+            return Vec::new();
+        }
+        if facts.len() == 1 {
+            return facts.to_vec();
+        }
+        let (first, rest) = facts.split_at(facts.len() / 2);
+        let of_rest = beside(&[given, first].concat(), true, rest, suffice);
+        let grown = !of_rest.is_empty();
+        let of_first = beside(&[given, &of_rest].concat(), grown, first, suffice);
+        [of_first, of_rest].concat()
     }
+    beside(&[], true, facts, suffice)
 }
 
 /// A mission that needs places which the robot cannot reach, or cannot reach as the task wants.

@@ -9,6 +9,7 @@ mod guided;
 mod heat;
 pub(crate) mod leads;
 mod passage;
+mod sweep;
 
 use std::sync::Arc;
 
@@ -224,8 +225,9 @@ impl View<'_> {
 
 /// A uniform point, with the nearest node's site as an additional neighbour left to the tree.
 fn uniform(view: &View<'_>, random: &mut Random) -> Draw {
+    let mut kept = view.tree.leads().borrow_mut();
     Draw {
-        at: view.system.sample_free(random),
+        at: kept.sweep.next(view, random),
         closest: None,
     }
 }

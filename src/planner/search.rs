@@ -34,6 +34,9 @@ const HEARTBEAT: u64 = 32;
 /// nearly all iterations on automata of a few states.
 const ALLOWANCE: usize = 2_000;
 
+/// Searches of so many iterations get the memory for their prefix tree at once.
+const LONG: u64 = 8_192;
+
 /// Searches for a plan of least cost (`nngtl.md`, Problem 1).
 ///
 /// `observe` is called every few iterations. The result depends on problem, sampler and settings
@@ -155,6 +158,9 @@ impl<'a> Search<'a> {
         let nba = &problem.task.nba;
         let mut prefix = Tree::new(&*problem.system, nba, problem.start, &nba.initial);
         prefix.pass_on_at_most(ALLOWANCE);
+        if (LONG..u64::MAX).contains(&settings.iterations) {
+            prefix.expect(settings.iterations);
+        }
         Self {
             ground,
             problem,

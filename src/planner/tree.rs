@@ -51,6 +51,9 @@ const NONE: u32 = u32::MAX;
 /// tree will hardly be grown to another point than this.
 const LARGE: usize = 256;
 
+/// No tree gets room for more places than this before it has them.
+const EXPECTED: u64 = 1 << 17;
+
 /// Improvements below this share of a cost are rounding, not progress.
 const IMPROVEMENT: f64 = 1e-12;
 
@@ -200,6 +203,18 @@ impl<'a> Tree<'a> {
         }
         tree.settle_states(site);
         tree
+    }
+
+    /// Makes room for so many places with a node each, [`EXPECTED`] at most, in one piece: what grows by and by is copied each time.
+    /// Room that is not used yet is no memory yet.
+    pub(crate) fn expect(&mut self, places: u64) {
+        let places = places.min(EXPECTED) as usize;
+        let more = |len: usize| places.saturating_sub(len);
+        self.sites.reserve_exact(more(self.sites.len()));
+        self.nodes.reserve_exact(more(self.nodes.len()));
+        self.owed.reserve_exact(more(self.owed.len()));
+        self.here.reserve_exact(more(self.here.len()));
+        self.index.expect(places);
     }
 
     /// How many product states the tree holds.

@@ -92,13 +92,14 @@ pub(in crate::bench) fn curve(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{Reference, Strategy};
+    use crate::bench::{CostSettings, Reference, Strategy};
     use crate::planner::{Improvement, Settings};
 
     fn search(case: &str, steps: &[(u64, f64)]) -> Descent {
         Descent {
             case: case.to_owned(),
             contender: Strategy::Biased.into(),
+            seed: 0,
             improvements: steps
                 .iter()
                 .map(|&(iterations, cost)| Improvement {
@@ -130,11 +131,13 @@ mod tests {
 
     fn all() -> Convergence {
         let names = ["a", "b", "c", "d"];
-        Convergence {
-            version: 2,
-            marks: Vec::new(),
-            contenders: vec![Strategy::Biased.into()],
+        let costs = CostSettings {
             settings: Settings::default(),
+            trials: 1,
+            marks: Vec::new(),
+            bounds: false,
+        };
+        Convergence {
             references: names.map(reference).to_vec(),
             descents: vec![
                 search("a", &[(10, 4.0), (100, 2.0)]),
@@ -142,6 +145,7 @@ mod tests {
                 search("c", &[(500, 2.2)]),
                 search("d", &[]),
             ],
+            ..Convergence::new(&[Strategy::Biased.into()], &costs)
         }
     }
 

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::entrant::Networks;
+use super::entrant::{Entrant, Networks};
 use super::groups::{Group, groups};
 use super::trials::stats;
 use super::{BenchError, Case, Contender};
@@ -50,6 +50,19 @@ impl Mark {
     }
 }
 
+/// How costs are followed over time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CostSettings {
+    /// Settings of every search; its iterations and its time limit are the budget.
+    pub settings: Settings,
+    /// Searches of each contender on each mission; their seeds count up from the settings' seed.
+    pub trials: u64,
+    /// The moments of the tables.
+    pub marks: Vec<Mark>,
+    /// Whether certified lower bounds are computed, too, which takes seconds a mission.
+    pub bounds: bool,
+}
+
 /// What the exact planner says about a mission.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reference {
@@ -83,6 +96,8 @@ pub struct Descent {
     /// Who searched.
     #[serde(flatten)]
     pub contender: Contender,
+    /// The seed.
+    pub seed: u64,
     /// Each cheaper plan, in order; seconds are those of the search alone.
     pub improvements: Vec<Improvement>,
     /// Iterations of the whole search.
@@ -126,16 +141,17 @@ pub struct Convergence {
     pub marks: Vec<Mark>,
     /// Who searched, in the order of the report.
     pub contenders: Vec<Contender>,
-    /// Settings of every search.
+    /// Settings of every search, whose seeds count up.
     pub settings: Settings,
+    /// Searches of each contender on each mission.
+    pub trials: u64,
     /// Bounds by mission.
     pub references: Vec<Reference>,
     /// Every search.
     pub descents: Vec<Descent>,
 }
 
-/// Searches every mission that the exact planner solves with every contender until the last mark; with
-/// `bounds`, certified lower bounds are computed too, which takes seconds a mission. Missions that were not
+/// Searches every mission that the exact planner solves with every contender until the last mark. Missions that were not
 /// finished when `stop` was raised are left out.
 ///
 /// # Errors
@@ -143,22 +159,13 @@ pub struct Convergence {
 pub fn converge(
     cases: &[Case],
     contenders: &[Contender],
-    settings: &Settings,
-    marks: &[Mark],
-    bounds: bool,
+    costs: &CostSettings,
     stop: &Stop,
     progress: &mut dyn FnMut(usize),
 ) -> Result<Convergence, BenchError> {
-    let mut all = Convergence {
-        version: 2,
-        marks: marks.to_vec(),
-        contenders: contenders.to_vec(),
-        settings: settings.clone(),
-        references: Vec::new(),
-        descents: Vec::new(),
-    };
+    let mut all = Convergence::new(contenders, costs);
     for (done, case) in cases.iter().enumerate() {
-        let Some(found) = of_case(case, contenders, settings, bounds, stop)? else {
+        let Some(found) = of_case(case, contenders, costs, stop)? else {
             break;
         };
         all.references.extend(found.reference);
@@ -181,25 +188,33 @@ pub(super) struct Searched {
 pub(super) fn of_case(
     case: &Case,
     contenders: &[Contender],
-    settings: &Settings,
-    bounds: bool,
+    costs: &CostSettings,
     stop: &Stop,
 ) -> Result<Option<Searched>, BenchError> {
-    let reference = reference(case, bounds);
-    let mut descents = Vec::new();
+    let reference = reference(case, costs.bounds);
+    let mut found: Vec<Vec<Descent>> = vec![Vec::new(); contenders.len()];
     if reference.is_some() {
-        let mut found: Vec<Option<Descent>> = contenders.iter().map(|_| None).collect();
-        for k in case.turns(contenders.len()) {
-            found[k] = descend(case, &contenders[k], settings, stop)?;
-            if stop.is_raised() {
-                return Ok(None);
+        for turn in case.turns(contenders.len()) {
+            let contender = &contenders[turn];
+            let Some(entrant) = case.entrant(contender, &costs.settings)? else {
+                continue;
+            };
+            for k in 0..costs.trials {
+                let settings = Settings {
+                    seed: costs.settings.seed.wrapping_add(k),
+                    ..costs.settings.clone()
+                };
+                let descent = descend(case, contender, &entrant, &settings, stop)?;
+                if stop.is_raised() {
+                    return Ok(None);
+                }
+                found[turn].push(descent);
             }
         }
-        descents.extend(found.into_iter().flatten());
     }
     Ok((!stop.is_raised()).then_some(Searched {
         reference,
-        descents,
+        descents: found.concat(),
     }))
 }
 
@@ -231,19 +246,18 @@ fn reference(case: &Case, bounds: bool) -> Option<Reference> {
 fn descend(
     case: &Case,
     contender: &Contender,
+    entrant: &Entrant,
     settings: &Settings,
     stop: &Stop,
-) -> Result<Option<Descent>, BenchError> {
-    let Some(entrant) = case.entrant(contender, settings)? else {
-        return Ok(None);
-    };
+) -> Result<Descent, BenchError> {
     let (found, networks) = entrant.search(case, settings, stop);
     let solution = found.as_ref().ok();
     let verified = solution.and_then(|solution| check(&case.problem, solution));
     let stats = stats(case, found)?;
-    Ok(Some(Descent {
+    Ok(Descent {
         case: case.name.clone(),
         contender: contender.clone(),
+        seed: settings.seed,
         improvements: stats.improvements,
         iterations: stats.iterations,
         seconds: stats.seconds,
@@ -253,7 +267,7 @@ fn descend(
             Networks::Waited(..) => None,
         },
         verified,
-    }))
+    })
 }
 
 /// Whether the checker accepts a plan.
@@ -270,6 +284,19 @@ fn gap(cost: f64, base: f64) -> f64 {
 }
 
 impl Convergence {
+    /// Without any searches yet.
+    pub(super) fn new(contenders: &[Contender], costs: &CostSettings) -> Self {
+        Self {
+            version: 3,
+            marks: costs.marks.clone(),
+            contenders: contenders.to_vec(),
+            settings: costs.settings.clone(),
+            trials: costs.trials,
+            references: Vec::new(),
+            descents: Vec::new(),
+        }
+    }
+
     /// What the exact planner says about a mission.
     fn reference(&self, case: &str) -> Option<&Reference> {
         self.references.iter().find(|r| r.case == case)

@@ -16,6 +16,17 @@ struct Spent {
     never: bool,
 }
 
+/// What searches took, by mission.
+type BySearch<'a> = BTreeMap<&'a str, Vec<Spent>>;
+
+/// A number with what is counted.
+fn counted(number: u64, one: &str, more: &str) -> String {
+    match number {
+        1 => format!("one {one}"),
+        _ => format!("{number} {more}"),
+    }
+}
+
 impl Convergence {
     /// The tables as Markdown.
     #[must_use]
@@ -39,9 +50,10 @@ impl Convergence {
             format!("{mean:.1} ms on average (median {middle:.1} ms)")
         };
         let mut text = format!(
-            "{} missions that the exact planner solves. Its plans take {}. They cost at most {} by lower \
+            "{} missions that the exact planner solves, {} of each sampler on each. Its plans take {}. They cost at most {} by lower \
              bounds without refinement, which take {}",
             all.len(),
+            counted(self.trials, "search", "searches"),
             time(of(|r| r.seconds)),
             gaps(|r| Some(r.quick)),
             time(of(|r| r.quick_seconds)),
@@ -115,22 +127,24 @@ impl Convergence {
         }
     }
 
-    /// What each mission's search spent until it came this near, by mission.
-    fn spent(&self, group: &Group, contender: &Contender, share: f64) -> BTreeMap<&str, Spent> {
+    /// What the searches of each mission spent until they came this near, by mission.
+    fn spent(&self, group: &Group, contender: &Contender, share: f64) -> BySearch<'_> {
         let mine = self.descents.iter().filter(|d| d.contender == *contender);
         let inside = mine.filter(|d| group.cases.contains(&d.case));
-        inside
-            .filter_map(|d| {
-                let reached = d.reached(self.reference(&d.case)?.upper, share);
-                let (iterations, seconds) = reached.unwrap_or((d.iterations, d.seconds));
-                let spent = Spent {
-                    iterations: iterations as f64,
-                    milliseconds: 1e3 * d.whole(iterations, seconds),
-                    never: reached.is_none(),
-                };
-                Some((d.case.as_str(), spent))
-            })
-            .collect()
+        let mut all = BySearch::new();
+        for d in inside {
+            let Some(reference) = self.reference(&d.case) else {
+                continue;
+            };
+            let reached = d.reached(reference.upper, share);
+            let (iterations, seconds) = reached.unwrap_or((d.iterations, d.seconds));
+            all.entry(&d.case).or_default().push(Spent {
+                iterations: iterations as f64,
+                milliseconds: 1e3 * d.whole(iterations, seconds),
+                never: reached.is_none(),
+            });
+        }
+        all
     }
 
     /// Every search as a line of comma-separated values, with a header: bounds, the cost after so many
@@ -139,7 +153,7 @@ impl Convergence {
     pub fn to_csv(&self) -> String {
         let mut marks: Vec<_> = self.marks.iter().collect();
         marks.sort_by_key(|m| matches!(m, super::Mark::Seconds(_)));
-        let mut text = String::from("case,family,sampler,lower,upper,verified");
+        let mut text = String::from("case,family,sampler,seed,lower,upper,verified");
         for mark in &marks {
             let _ = write!(text, ",{}", mark.name());
         }
@@ -153,6 +167,7 @@ impl Convergence {
                 quoted(&d.case),
                 quoted(r.family.as_deref().unwrap_or("")),
                 quoted(&d.contender.to_string()),
+                d.seed.to_string(),
                 known(r.lower),
                 r.upper.to_string(),
                 d.verified.map_or(String::new(), |v| v.to_string()),
@@ -171,17 +186,20 @@ fn write_spent(
     group: &Group,
     contender: &Contender,
     share: f64,
-    mine: &BTreeMap<&str, Spent>,
-    against: &BTreeMap<&str, Spent>,
+    mine: &BySearch<'_>,
+    against: &BySearch<'_>,
 ) {
     let cell = |value: fn(&Spent) -> f64, digits: usize| {
-        let runs: Vec<(f64, bool)> = mine.values().map(|s| (value(s), s.never)).collect();
+        let runs = mine.values().flatten().map(|s| (value(s), s.never));
+        let runs: Vec<(f64, bool)> = runs.collect();
         cell_or_dash(Measured::of(&runs).map(|m| m.cell(digits)))
     };
     let ratio = |value: fn(&Spent) -> f64| {
+        let of_mission =
+            |searches: &Vec<Spent>| mean(&searches.iter().map(value).collect::<Vec<f64>>());
         let pairs: Vec<(f64, f64)> = mine
             .iter()
-            .filter_map(|(case, s)| Some((value(s), value(against.get(case)?))))
+            .filter_map(|(case, s)| Some((of_mission(s), of_mission(against.get(case)?))))
             .collect();
         cell_or_dash(Ratio::of_means(&pairs))
     };
@@ -190,8 +208,8 @@ fn write_spent(
         "| {} | {contender} | {} % | {} of {} | {} | {} | {} | {} |",
         group.name,
         100.0 * share,
-        mine.values().filter(|s| s.never).count(),
-        mine.len(),
+        mine.values().flatten().filter(|s| s.never).count(),
+        mine.values().flatten().count(),
         cell(|s| s.iterations, 0),
         cell(|s| s.milliseconds, 2),
         ratio(|s| s.iterations),

@@ -119,12 +119,16 @@ fn markdown(study: &Study, findings: &Findings, machine: &Machine, command: &str
 /// What was run where there are no runs until the first plan.
 fn costs_alone(study: &Study, findings: &Findings) -> String {
     let settings = study.costs.as_ref().map(|costs| &costs.settings);
+    let searches = match study.costs.as_ref().map_or(1, |costs| costs.trials) {
+        1 => "one search".to_owned(),
+        more => format!("{more} searches"),
+    };
     let budget = settings.map_or_else(String::new, |s| match s.time_limit {
         Some(limit) => format!(", at most {} iterations and {limit} s", s.iterations),
         None => format!(", at most {} iterations", s.iterations),
     });
     format!(
-        "{} missions, one search of each sampler{budget}, seed {}.\n",
+        "{} missions, {searches} of each sampler{budget}, seed {}.\n",
         findings.done, study.comparison.settings.seed
     )
 }

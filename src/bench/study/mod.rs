@@ -9,26 +9,15 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::{
-    BenchError, Case, Comparison, Convergence, Descent, Mark, Reference, Report, Trial,
+    BenchError, Case, Comparison, Convergence, CostSettings, Descent, Reference, Report, Trial,
     convergence, trials,
 };
-use crate::planner::{Settings, Stop};
+use crate::planner::Stop;
 use crate::workspace::Polygon;
 
 pub use folder::REPORT_FILES;
 pub use log::{LogError, StudyFolder};
 pub use machine::Machine;
-
-/// How costs are followed over time.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CostSettings {
-    /// Settings of every search; its iterations and its time limit are the budget.
-    pub settings: Settings,
-    /// The moments of the tables.
-    pub marks: Vec<Mark>,
-    /// Whether certified lower bounds are computed, too, which takes seconds a mission.
-    pub bounds: bool,
-}
 
 /// What to measure on every mission.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -148,9 +137,7 @@ impl Study {
         let mut searched = convergence::Searched::default();
         if let Some(costs) = &self.costs {
             let contenders = &self.comparison.contenders;
-            let found =
-                convergence::of_case(case, contenders, &costs.settings, costs.bounds, stop)?;
-            let Some(found) = found else {
+            let Some(found) = convergence::of_case(case, contenders, costs, stop)? else {
                 return Ok(None);
             };
             searched = found;
@@ -168,14 +155,10 @@ impl Study {
         let contenders = &self.comparison.contenders;
         let done = records.len();
         let mut trials = Vec::new();
-        let mut costs = self.costs.as_ref().map(|costs| Convergence {
-            version: 2,
-            marks: costs.marks.clone(),
-            contenders: contenders.clone(),
-            settings: costs.settings.clone(),
-            references: Vec::new(),
-            descents: Vec::new(),
-        });
+        let mut costs = self
+            .costs
+            .as_ref()
+            .map(|costs| Convergence::new(contenders, costs));
         for record in records {
             trials.extend(record.trials);
             if let Some(costs) = &mut costs {

@@ -5,8 +5,8 @@ use nalgebra::Point2;
 
 use super::*;
 use crate::automaton::{Limits, Task};
-use crate::bench::{Contender, Strategy};
-use crate::planner::Problem;
+use crate::bench::{Contender, Mark, Strategy};
+use crate::planner::{Problem, Settings};
 use crate::system::Continuous;
 use crate::workspace::{Bounds, Region, Workspace};
 
@@ -66,6 +66,7 @@ fn study() -> Study {
                 iterations: 200,
                 ..settings
             },
+            trials: 2,
             marks: vec![Mark::Iterations(100), Mark::Iterations(200)],
             bounds: false,
         }),
@@ -101,6 +102,24 @@ fn two_runs_differ_in_seconds_alone() {
     };
     assert_eq!(tables(&one), tables(&two));
     assert_eq!(tables(&one)[0].len(), 1 + 4 * 3 * 2);
+    // Searches that go on have seeds of their own, and a mission counts once in the ratios.
+    assert_eq!(tables(&one)[1].len(), 1 + 4 * 3 * 2);
+    let costs = one.costs.as_ref().unwrap();
+    for case in &costs.references {
+        let mine = costs.descents.iter();
+        let mine = mine.filter(|d| d.case == case.case && d.contender == Strategy::Uniform.into());
+        let mine: Vec<_> = mine.collect();
+        assert_eq!(mine.iter().map(|d| d.seed).collect::<Vec<_>>(), [0, 1]);
+        assert_ne!(mine[0].improvements, mine[1].improvements);
+    }
+    let text = costs.to_markdown();
+    assert!(
+        text.contains(
+            "4 missions that the exact planner solves, 2 searches of each sampler on each"
+        ),
+        "{text}"
+    );
+    assert!(text.contains(" of 8 |"), "{text}");
     let iterations = |f: &Findings| -> Vec<f64> {
         f.first
             .rows

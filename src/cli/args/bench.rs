@@ -42,9 +42,9 @@ pub(in crate::cli) struct BenchArgs {
     /// built-in ones
     #[arg(long, value_name = "DIR")]
     pub(in crate::cli) model: Option<PathBuf>,
-    /// Runs of each sampler on each mission
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..))]
-    pub(in crate::cli) trials: u64,
+    /// Runs of each sampler on each mission [default: 5, with --gaps 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub(in crate::cli) trials: Option<u64>,
     /// Samples to draw at most; runs that end there count as that many
     #[arg(long, value_name = "N", default_value_t = 20_000)]
     pub(in crate::cli) iterations: u64,
@@ -135,11 +135,10 @@ pub(in crate::cli) struct BenchMissionArgs {
 #[command(next_help_heading = "Costs over time")]
 pub(in crate::cli) struct BenchCostArgs {
     /// Search on to the last iteration (or second, see --time-limit) and report how near the cost comes
-    /// to the exact planner's plan, and when; one run of each sampler
-    #[arg(long, group = "follows", conflicts_with = "trials")]
+    /// to the exact planner's plan, and when
+    #[arg(long, group = "follows")]
     pub(in crate::cli) gaps: bool,
-    /// With --out: iterations of the searches that go on, one of each sampler; 0 leaves them out. With --gaps,
-    /// --iterations says it
+    /// With --out: iterations of the searches that go on; 0 leaves them out. With --gaps, --iterations says it
     #[arg(
         long,
         value_name = "N",
@@ -148,6 +147,9 @@ pub(in crate::cli) struct BenchCostArgs {
         conflicts_with = "gaps"
     )]
     pub(in crate::cli) cost_iterations: u64,
+    /// With --out: searches of each sampler on each mission that go on. With --gaps, --trials says it
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..), requires = "out", conflicts_with = "gaps")]
+    pub(in crate::cli) cost_trials: u64,
     /// With --gaps or --out: seconds of each search that goes on, at most
     #[arg(long, value_name = "S", requires = "follows")]
     pub(in crate::cli) time_limit: Option<f64>,

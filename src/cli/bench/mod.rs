@@ -48,36 +48,31 @@ pub(super) fn run(args: &BenchArgs, console: &Console) -> Result<(), Failure> {
             "the sampler `oracle` needs the labels of a data set (`nngtl dataset generate`): leave it out, or name such a folder",
         ));
     }
-    match folder {
-        Some(folder) => {
-            let devices = predictors.iter().map(|p| p.device().to_owned()).collect();
-            in_folder(&study, &cases, folder, devices, &stop, console)
-        }
-        None if args.costs.gaps => gaps(args, &cases, &study, &stop, console),
-        None => first_plans(args, &study, &cases, &stop, console),
+    let machine = Machine::here(predictors.iter().map(|p| p.device().to_owned()).collect());
+    let tell = Tell {
+        args,
+        machine: &machine,
+        stop: &stop,
+        console,
+    };
+    match (folder, &study.costs) {
+        (Some(folder), _) => in_folder(&study, &cases, folder, &machine, &stop, console),
+        (None, Some(costs)) => gaps(&study, costs, &cases, &tell),
+        (None, None) => first_plans(&study, &cases, &tell),
     }
 }
 
 /// What the arguments ask to measure.
 fn study(args: &BenchArgs, predictors: &[Predictor]) -> Study {
     let settings = settings(args);
-    let (iterations, trials) = match args.costs.gaps {
-        true => (args.iterations, 0),
-        false => (args.costs.cost_iterations, args.trials),
-    };
-    let followed = args.costs.gaps || iterations > 0;
-    let costs = (args.out.is_some() && followed).then(|| {
-        let time_limit = args.costs.time_limit;
-        CostSettings {
-            settings: Settings {
-                iterations,
-                time_limit,
-                ..settings.clone()
-            },
-            marks: marks(iterations, time_limit),
-            bounds: args.costs.bounds,
+    let (trials, costs) = match args.costs.gaps {
+        true => (0, Some(costs(args, &settings))),
+        false => {
+            let followed = args.out.is_some() && args.costs.cost_iterations > 0;
+            let costs = followed.then(|| costs(args, &settings));
+            (args.trials.unwrap_or(5), costs)
         }
-    });
+    };
     Study {
         comparison: crate::bench::Comparison {
             contenders: contenders(args, predictors),
@@ -87,6 +82,25 @@ fn study(args: &BenchArgs, predictors: &[Predictor]) -> Study {
         complex_from: args.complex_from,
         costs,
         model: predictors.first().map(|p| p.hash().to_owned()),
+    }
+}
+
+/// How the searches that go on are followed.
+fn costs(args: &BenchArgs, settings: &Settings) -> CostSettings {
+    let (iterations, trials) = match args.costs.gaps {
+        true => (args.iterations, args.trials.unwrap_or(1)),
+        false => (args.costs.cost_iterations, args.costs.cost_trials),
+    };
+    let time_limit = args.costs.time_limit;
+    CostSettings {
+        settings: Settings {
+            iterations,
+            time_limit,
+            ..settings.clone()
+        },
+        trials,
+        marks: marks(iterations, time_limit),
+        bounds: args.costs.bounds,
     }
 }
 
@@ -115,27 +129,16 @@ fn contenders(args: &BenchArgs, predictors: &[Predictor]) -> Vec<Contender> {
 }
 
 /// Runs until the first plan, told at once.
-fn first_plans(
-    args: &BenchArgs,
-    study: &Study,
-    cases: &[Case],
-    stop: &Stop,
-    console: &Console,
-) -> Result<(), Failure> {
-    let bar = console.progress(cases.len() as u64, "comparing");
+fn first_plans(study: &Study, cases: &[Case], tell: &Tell<'_>) -> Result<(), Failure> {
+    let bar = tell.console.progress(cases.len() as u64, "comparing");
     let findings = study
-        .run(cases, None, stop, &mut |done| bar.set_position(done as u64))
+        .run(cases, None, tell.stop, &mut |done| {
+            bar.set_position(done as u64);
+        })
         .map_err(|e| Failure::input(e.to_string()))?;
     bar.finish_and_clear();
     let report = &findings.first;
-    tell(
-        args,
-        report,
-        &report.to_markdown(),
-        &report.to_csv(),
-        stop,
-        console,
-    )
+    tell.result(report, &report.to_markdown(), &report.to_csv())
 }
 
 /// Runs until the first plan and costs over time, or those alone, in a folder.
@@ -143,7 +146,7 @@ fn in_folder(
     study: &Study,
     cases: &[Case],
     mut folder: StudyFolder,
-    devices: Vec<String>,
+    machine: &Machine,
     stop: &Stop,
     console: &Console,
 ) -> Result<(), Failure> {
@@ -169,7 +172,7 @@ fn in_folder(
         ));
     }
     folder
-        .write(study, &findings, &Machine::here(devices), &command())
+        .write(study, &findings, machine, &command())
         .map_err(|e| failed(&e))?;
     console.note(&format!(
         "wrote {}",
@@ -213,62 +216,56 @@ fn summary(findings: &Findings, folder: &Path, as_json: bool) -> String {
 
 /// Costs over time, beside the exact planner's and a lower bound.
 fn gaps(
-    args: &BenchArgs,
-    cases: &[Case],
     study: &Study,
-    stop: &Stop,
-    console: &Console,
+    costs: &CostSettings,
+    cases: &[Case],
+    tell: &Tell<'_>,
 ) -> Result<(), Failure> {
-    let time_limit = args.costs.time_limit;
-    let settings = Settings {
-        time_limit,
-        ..study.comparison.settings.clone()
-    };
-    let bar = console.progress(cases.len() as u64, "searching");
-    let report = converge(
-        cases,
-        &study.comparison.contenders,
-        &settings,
-        &marks(args.iterations, time_limit),
-        args.costs.bounds,
-        stop,
-        &mut |done| bar.set_position(done as u64),
-    )
+    let bar = tell.console.progress(cases.len() as u64, "searching");
+    let contenders = &study.comparison.contenders;
+    let report = converge(cases, contenders, costs, tell.stop, &mut |done| {
+        bar.set_position(done as u64);
+    })
     .map_err(|e| Failure::input(e.to_string()))?;
     bar.finish_and_clear();
-    tell(
-        args,
-        &report,
-        &report.to_markdown(),
-        &report.to_csv(),
-        stop,
-        console,
-    )
+    tell.result(&report, &report.to_markdown(), &report.to_csv())
 }
 
-/// Writes the files that were asked for and prints the result.
-fn tell(
-    args: &BenchArgs,
-    report: &impl Serialize,
-    markdown: &str,
-    csv: &str,
-    stop: &Stop,
-    console: &Console,
-) -> Result<(), Failure> {
-    if stop.is_raised() {
-        console.note("interrupted: these are the missions that were done");
+/// Where a result without a folder goes.
+struct Tell<'a> {
+    args: &'a BenchArgs,
+    machine: &'a Machine,
+    stop: &'a Stop,
+    console: &'a Console,
+}
+
+impl Tell<'_> {
+    /// Writes the files that were asked for and prints the result. Files and JSON say what was typed, and where it ran.
+    fn result(&self, report: &impl Serialize, markdown: &str, csv: &str) -> Result<(), Failure> {
+        let Self { args, console, .. } = *self;
+        if self.stop.is_raised() {
+            console.note("interrupted: these are the missions that were done");
+        }
+        if let Some(path) = &args.report {
+            let command = command().replace('`', "'");
+            let text = format!(
+                "{markdown}\n- {}\n- command: `{command}`\n",
+                self.machine.line()
+            );
+            files::write(path, text.as_bytes(), console)?;
+        }
+        if let Some(path) = &args.csv {
+            files::write(path, csv.as_bytes(), console)?;
+        }
+        if !console.json() {
+            return Ok(console.result(markdown)?);
+        }
+        let failed = |e: serde_json::Error| Failure::input(e.to_string());
+        let mut object = serde_json::to_value(report).map_err(failed)?;
+        object["machine"] = json!(self.machine);
+        object["command"] = json!(command());
+        Ok(console.result(&format!("{object}\n"))?)
     }
-    if let Some(path) = &args.report {
-        files::write(path, markdown.as_bytes(), console)?;
-    }
-    if let Some(path) = &args.csv {
-        files::write(path, csv.as_bytes(), console)?;
-    }
-    if console.json() {
-        let object = serde_json::to_string(report).map_err(|e| Failure::input(e.to_string()))?;
-        return Ok(console.result(&format!("{object}\n"))?);
-    }
-    Ok(console.result(markdown)?)
 }
 
 /// The moments at which costs are looked at: powers of ten from 10 up to the budget.

@@ -14,6 +14,7 @@ use super::View;
 use super::choices::Target;
 use super::closing::Closing;
 use super::passage::{Passages, Step, first_leg};
+use super::sweep::Sweep;
 use crate::automaton::StateId;
 use crate::planner::tree::NodeId;
 
@@ -69,6 +70,7 @@ pub(crate) struct Leads {
     /// The nodes that were looked at, by automaton state, step, target, and whether the way to the node counts.
     queues: FxHashMap<(StateId, Step, [u64; 2], bool), Queue>,
     pub(super) passages: Passages,
+    pub(super) sweep: Sweep,
     /// Once it was asked for.
     closing: Option<Option<Arc<Closing>>>,
     /// Buffers that are kept between samples, so that these allocate nothing: the states with nodes and how far

@@ -1,14 +1,13 @@
 //! Where the sites are: a kd-tree with buckets that grows by insertion.
 //!
 //! A leaf holds up to [`BUCKET`] sites; a full one is split at the median of its wider extent. Drawn
-//! points arrive in random order, so the depth stays logarithmic without any rebalancing (J. L.
+//! points arrive in random order, those of large trees in batches from all over the map, so the depth stays logarithmic
+//! without any rebalancing (J. L.
 //! Bentley, "Multidimensional binary search trees used for associative searching", CACM 1975, for
 //! the structure; J. H. Friedman, J. L. Bentley, R. A. Finkel, "An algorithm for finding best
 //! matches in logarithmic expected time", TOMS 1977, for buckets and nearest neighbours).
 //!
-//! Large trees wait for memory, so what is asked of every site that is near stands in its bucket, and
-//! whenever a share of the sites is new, branches and buckets are put in depth-first order again: what
-//! is near in the plane is near in memory then.
+//! Large trees wait for memory, so what is asked of every site that is near stands in its bucket.
 
 use nalgebra::Point2;
 
@@ -17,9 +16,6 @@ use super::{NONE, SiteId};
 
 /// Sites of a leaf. Scanning this many costs about as much as two steps down the tree.
 pub(super) const BUCKET: usize = 16;
-
-/// Trees below this number of sites fit into the caches as they are.
-const SMALL: usize = 2_048;
 
 /// What is asked of every site that is near.
 #[derive(Clone, Copy, Debug)]
@@ -219,8 +215,6 @@ pub(super) struct SiteIndex {
     slots: Vec<Slot>,
     /// The least and the greatest coordinates.
     pub(super) corners: [[f64; 2]; 2],
-    /// How many sites there were when branches and buckets were last put in order.
-    ordered: usize,
     /// The way to the point that was asked for last.
     pub(super) descent: Descent,
 }
@@ -232,19 +226,25 @@ impl Default for SiteIndex {
             buckets: vec![Bucket::EMPTY],
             slots: Vec::new(),
             corners: [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]],
-            ordered: 0,
             descent: Descent::default(),
         }
     }
 }
 
 impl SiteIndex {
+    /// Makes room for so many sites.
+    pub(super) fn expect(&mut self, sites: usize) {
+        // Buckets are more than half full in the mean.
+        let buckets = 2 * sites / BUCKET + 1;
+        self.buckets
+            .reserve_exact(buckets.saturating_sub(self.buckets.len()));
+        self.slots
+            .reserve_exact(sites.saturating_sub(self.slots.len()));
+    }
+
     /// Enters the next site, whose number is that of the sites before it. No other may be at its place.
     pub(super) fn insert(&mut self, at: Point2<f64>) -> SiteId {
         let site = SiteId(self.slots.len() as u32);
-        if self.slots.len() >= SMALL && self.slots.len() > self.ordered + self.ordered / 4 {
-            self.put_in_order();
-        }
         // Adding 0 makes the two zeros one.
         let place = [at.x + 0.0, at.y + 0.0];
         for (axis, x) in place.into_iter().enumerate() {
@@ -300,37 +300,6 @@ impl SiteIndex {
         for (bucket, len) in sides.into_iter().zip(lens) {
             self.branches.push(Branch::leaf(bucket, len));
         }
-    }
-
-    /// Puts branches and buckets in depth-first order. Buckets are moved within their array: another one would
-    /// be memory that the system has to hand out first.
-    fn put_in_order(&mut self) {
-        self.descent.to = None;
-        self.ordered = self.slots.len();
-        let mut branches = Vec::with_capacity(self.branches.len() * 5 / 4 + 2);
-        // For each place in the order the bucket that belongs there.
-        let mut order = Vec::with_capacity(self.buckets.len());
-        branches.push(self.branches[0]);
-        let mut open = Vec::with_capacity(64);
-        open.push(0);
-        while let Some(i) = open.pop() {
-            let branch: Branch = branches[i];
-            if let Some(bucket) = branch.bucket() {
-                branches[i] = Branch::leaf(order.len(), branch.len as usize);
-                let ranks = &self.buckets[bucket].ranks[..branch.len as usize];
-                for (k, rank) in ranks.iter().enumerate() {
-                    self.slots[rank.site.0 as usize] = Slot::new(order.len(), k);
-                }
-                order.push(bucket);
-            } else {
-                let next = branches.len();
-                branches[i].next = (2 * next + branch.axis()) as u32;
-                branches.extend_from_slice(&self.branches[branch.next()..][..2]);
-                open.extend([next + 1, next]);
-            }
-        }
-        self.branches = branches;
-        permute(&mut self.buckets, &mut order);
     }
 
     #[inline]
@@ -391,24 +360,4 @@ pub(super) fn push<T>(all: &mut Vec<T>, item: T) {
         all.reserve_exact(3 * all.len());
     }
     all.push(item);
-}
-
-/// Moves to each place what stands where `from` says, a permutation, of which the identity is left.
-fn permute<T: Clone>(items: &mut [T], from: &mut [usize]) {
-    for first in 0..items.len() {
-        if from[first] == first {
-            continue;
-        }
-        let displaced = items[first].clone();
-        let mut hole = first;
-        loop {
-            let next = std::mem::replace(&mut from[hole], hole);
-            if next == first {
-                break;
-            }
-            items[hole] = items[next].clone();
-            hole = next;
-        }
-        items[hole] = displaced;
-    }
 }

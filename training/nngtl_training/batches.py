@@ -1,13 +1,11 @@
-"""Batches with augmentation. A batch depends on seed and step alone, so that training resumes exactly."""
+"""Batches with augmentation, made on the missions' device. A batch depends on seed and step alone, so that training resumes exactly."""
 
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from torch.nn import functional as F
 
-from . import raster
-from .data import TARGET_SIDE
+from . import drawing, targets
 from .graph import Graphs
 
 
@@ -19,9 +17,6 @@ class Batch:
     graphs: Graphs
     heat: torch.Tensor
     visited: torch.Tensor
-
-    def to(self, device):
-        return Batch(self.raster.to(device), self.graphs.to(device), self.heat.to(device), self.visited.to(device))
 
 
 @dataclass(frozen=True)
@@ -39,29 +34,30 @@ class Augment:
 NONE = Augment(False, 0.0, 0.0)
 
 
-def target_cells(missions, k, reach):
-    """The cells of a mission's target at 200×200; with ``reach`` also where the path arrives in regions."""
-    cells = missions.cells[missions.cells_at[k] : missions.cells_at[k + 1]]
-    if not reach:
-        return cells
-    return np.union1d(cells, missions.reach[missions.reach_at[k] : missions.reach_at[k + 1]])
+@dataclass
+class Choices:
+    """How each sample of a batch is varied."""
+
+    turn: np.ndarray  # (B): the symmetry, see ``drawing.turned``
+    columns: np.ndarray  # (B, labels): the channel that each channel's region comes from
+    slide: np.ndarray  # (B): how far the start slides, in first legs; 0 not at all
 
 
-def blobs(points, free, spread):
-    """The target of places: 1 at each point of the frame, falling off as a Gaussian of standard deviation ``spread`` (sides of
-    the frame), 0 in obstacles."""
-    side = free.shape[0]
-    centre = (np.arange(side) + 0.5) / side
-    out = np.zeros((side, side), dtype=np.float32)
-    for x, y in points:
-        along, across = np.exp(-0.5 * ((centre - x) / spread) ** 2), np.exp(-0.5 * ((centre - y) / spread) ** 2)
-        np.maximum(out, np.outer(along, across), out=out)
-    return out * free
+LONGEST = 0.8
+"""The start slides so far at most, in first legs."""
 
 
-def lowered(heat, logits):
-    """A target (B, R, R) averaged down to the side of the logits, which divides R."""
-    return heat if heat.shape == logits.shape else F.avg_pool2d(heat, heat.shape[-1] // logits.shape[-1])
+def choose(count, labels, augment=NONE, rng=None):
+    """Draws the choices for a batch."""
+    out = Choices(np.zeros(count, dtype=np.int64), np.tile(np.arange(labels), (count, 1)), np.zeros(count))
+    if augment.jitter:
+        out.slide = np.where(rng.random(count) < augment.jitter, LONGEST * rng.random(count), 0.0)
+    if augment.symmetries:
+        out.turn = rng.integers(8, size=count)
+    if augment.permute:
+        mixed = rng.random(count) < augment.permute
+        out.columns[mixed] = rng.permuted(out.columns[mixed], axis=1)
+    return out
 
 
 def indices(count, size, seed, step):
@@ -76,132 +72,103 @@ def indices(count, size, seed, step):
     return out
 
 
-def make(missions, chosen, augment=NONE, rng=None, reach=False, heat=True, spread=None, draw=True):
-    """The batch of the missions with these indices; ``reach``: see ``target_cells``; without ``heat`` it stays 0, without
-    ``draw`` there is no raster.
+def make(missions, chosen, augment=NONE, rng=None, reach=False, heat=True, spread=None):
+    """The batch of the missions with these indices.
 
-    With ``spread`` the target is not the path's cells but the places where the path bends or meets regions: see ``blobs``.
+    The target are the path's cells, with ``reach`` also those where it arrives in regions. With ``spread`` it is not the path's
+    cells but the places where the path bends or meets regions, see ``targets.blobs``. Without ``heat`` there is no target; for networks
+    that read no raster there is none either.
     """
-    if not draw:
-        return _undrawn(missions, chosen, augment, rng)
-    side, labels = missions.resolution, missions.labels
-    codes = np.zeros((len(chosen), side, side), dtype=missions.codes.dtype)
-    targets = np.zeros((len(chosen), side, side), dtype=np.float32)
-    begin = np.zeros((len(chosen), side, side), dtype=bool)
-    region = np.full((len(chosen), labels), -1, dtype=np.int64)
-    columns = np.tile(np.arange(labels), (len(chosen), 1))
-    for b, k in enumerate(chosen):
-        code = missions.codes[missions.map[k]]
-        start, cells = missions.start[k], target_cells(missions, k, reach)
-        if augment.jitter and rng.random() < augment.jitter:
-            start, cells = _slide(missions, k, code, rng, cells) or (start, cells)
-        cell = np.zeros((side, side), dtype=bool)
-        cell[raster.cell(start, side)] = True
-        turn = rng.integers(8) if augment.symmetries else 0
-        codes[b], begin[b] = turned(code, turn), turned(cell, turn)
-        if heat and spread:
-            points = missions.points[missions.points_at[k] + 1 : missions.points_at[k + 1]]
-            targets[b] = turned(blobs(points, code & 1 == 0, spread), turn)
-        elif heat:
-            targets[b] = turned(_lower(cells, side), turn)
-        region[b] = missions.order[k]
-        if augment.permute and rng.random() < augment.permute:
-            columns[b] = rng.permutation(labels)
-    region = np.take_along_axis(region, columns, axis=1)
-    return Batch(
-        raster_tensor(codes, begin, region),
-        _graphs(missions, chosen, columns),
-        torch.from_numpy(targets),
-        torch.from_numpy(_gather(missions.visited, missions.states_at, chosen).astype(np.float32)),
-    )
+    choices = choose(len(chosen), missions.labels, augment, rng)
+    if missions.resolution is None:
+        return undrawn(missions, chosen, choices)
+    return drawn(missions, chosen, choices, reach, heat, spread)
 
 
-def _undrawn(missions, chosen, augment, rng):
-    """A batch of automata with their ways alone."""
-    columns = np.tile(np.arange(missions.labels), (len(chosen), 1))
-    for b in range(len(chosen)):
-        if augment.permute and rng.random() < augment.permute:
-            columns[b] = rng.permutation(missions.labels)
-    none = torch.empty(len(chosen), 0)
-    visited = torch.from_numpy(_gather(missions.visited, missions.states_at, chosen).astype(np.float32))
-    return Batch(none, _graphs(missions, chosen, columns), none, visited)
+def drawn(missions, chosen, choices, reach=False, heat=True, spread=None):
+    """The batch of the missions with these indices, varied as chosen."""
+    batch = undrawn(missions, chosen, choices)
+    scene = scenes(missions, chosen, choices.turn)
+    turn = drawing.send(choices.turn, missions.device)
+    rows = drawing.send(np.asarray(chosen), missions.device)
+    begin, path_begin = missions.on("start")[rows], None
+    if choices.slide.any():
+        moves, slid = _slide(missions, chosen, choices, scene)
+        first = missions.trail().ends[missions.on("points_at")[rows], :2]
+        begin, path_begin = torch.where(moves, slid, begin), torch.where(moves, slid, first)
+    region = np.take_along_axis(missions.order[chosen], choices.columns, axis=1)
+    cell = drawing.cell(begin, turn, missions.resolution)
+    batch.raster = encoded(scene, cell, drawing.send(region, missions.device).long())
+    if heat:
+        batch.heat = targets.heat(missions, chosen, choices.turn, scene[:, 0], reach, spread, path_begin)
+    return batch
 
 
-def raster_tensor(codes, begin, region):
-    """The networks' input from codes, start masks and the region of each channel (−1: none)."""
-    kind = torch.uint8 if codes.dtype == np.uint8 else torch.int32
-    codes = torch.from_numpy(codes.astype(np.int64) if codes.dtype == np.uint32 else codes).to(kind)
-    # A bit per channel; channels without a region ask for no bit.
-    bits = torch.from_numpy(np.where(region >= 0, 2 << np.maximum(region, 0), 0)).to(kind)
-    count, side = codes.shape[0], codes.shape[1]
-    out = torch.empty(count, 1 + region.shape[1], side, side)
-    out[:, 0] = (codes & 1).masked_fill_(torch.from_numpy(begin), 0)
-    out[:, 0].masked_fill_(torch.from_numpy(begin), -1.0)
-    out[:, 1:] = (codes[:, None] & bits[:, :, None, None]) != 0
-    return out
+def undrawn(missions, chosen, choices):
+    """The batch's automata with their ways alone."""
+    none = torch.empty(len(chosen), 0, device=missions.device)
+    graphs, state = _graphs(missions, np.asarray(chosen), choices.columns)
+    return Batch(none, graphs, none, missions.on("visited")[state].float())
 
 
-def turned(grid, turn):
-    """One of the eight symmetries of the square: transposed when bit 0 is set, then flipped by bits 1 and 2."""
-    if turn & 1:
-        grid = grid.T
-    if turn & 2:
-        grid = grid[::-1]
-    if turn & 4:
-        grid = grid[:, ::-1]
-    return grid
+def scenes(missions, chosen, turn):
+    """The maps: obstacles (or out of bounds), then each region, (B, 1 + regions, R, R) bool."""
+    maps = missions.map[chosen]
+    first = missions.corners_at[missions.polygons_at[maps]]
+    count = missions.corners_at[missions.polygons_at[maps + 1]] - first
+    scene = drawing.polygons(missions.walls(), missions.resolution, first, count, turn, missions.layers())
+    scene[:, 0] |= targets.out_of_bounds(missions, maps, turn, missions.resolution)
+    return scene
 
 
-def _lower(cells, side):
-    """The target at (side, side), averaged down from 200×200 by area."""
-    factor = TARGET_SIDE // side
-    if factor * side != TARGET_SIDE:
-        raise ValueError(f"resolution {side} does not divide {TARGET_SIDE}")
-    cells = cells.astype(np.int64)
-    flat = cells // TARGET_SIDE // factor * side + cells % TARGET_SIDE // factor
-    return np.bincount(flat, minlength=side * side).reshape(side, side).astype(np.float32) / factor**2
+def encoded(scene, cell, region):
+    """The networks' input from maps, the cells of starts, and the region of each channel (B, labels), −1: none."""
+    row = torch.arange(len(scene), device=scene.device)
+    status = scene[:, :1].float()
+    status[row, 0, cell[0], cell[1]] = -1.0
+    channels = scene[row[:, None], region + 1] & (region >= 0)[:, :, None, None]
+    return torch.cat([status, channels.float()], dim=1)
 
 
-def _slide(missions, k, code, rng, cells):
-    """A start further along the first leg of the path and what is left of the target's cells; None where it cannot move."""
-    points = missions.points[missions.points_at[k] : missions.points_at[k + 1]]
-    prefix = points[: missions.prefix[k]]
-    if len(prefix) < 2:
-        return None
-    side = missions.resolution
-    moved = prefix[0] + np.float32(rng.random() * 0.8) * (prefix[1] - prefix[0])
-    passed = raster.grow(raster.path(np.stack([prefix[0], moved]) * side, side))
-    if len(np.unique(code[passed] >> 1)) > 1 or code[raster.cell(moved, side)] & 1:
-        return None
-    left = raster.path(np.concatenate([moved[None], prefix[1:]]) * TARGET_SIDE, TARGET_SIDE)
-    left |= raster.path(points[missions.prefix[k] :] * TARGET_SIDE, TARGET_SIDE)
-    # What goes is what the part behind the new start marks and the rest of the path does not.
-    gone = raster.grow(raster.path(np.stack([prefix[0], moved]) * TARGET_SIDE, TARGET_SIDE)) & ~raster.grow(left)
-    return moved, cells[~gone.ravel()[cells]]
+def _slide(missions, chosen, choices, scene):
+    """Starts further along the first leg of the path: which samples' can move so far (B, 1), and where to (B, 2).
 
-
-def _gather(rows, at, chosen):
-    return np.concatenate([rows[at[k] : at[k + 1]] for k in chosen])
+    None moves into an obstacle, nor past a cell where the letter is another one.
+    """
+    side, first = missions.resolution, missions.points_at[chosen]
+    able = np.flatnonzero((choices.slide > 0) & (missions.prefix[chosen] > 1))
+    slid = torch.zeros(len(chosen), 2, dtype=torch.float64, device=missions.device)
+    moves = torch.zeros(len(chosen), 1, dtype=torch.bool, device=missions.device)
+    if not len(able):
+        return moves, slid
+    lines, turn = missions.trail(), choices.turn[able]
+    table = drawing.send(np.stack([able, first[able], turn], axis=1), missions.device)
+    leg, slide = lines.ends[table[:, 1]], drawing.send(choices.slide[able], missions.device)[:, None]
+    to = leg[:, :2] + slide * (leg[:, 2:] - leg[:, :2])
+    ends = torch.cat([leg[:, :2], to], dim=1)
+    passed = drawing.grow(drawing.paths(lines, side, first[able], np.ones_like(able), turn, ends))[:, None]
+    here = scene[table[:, 0]]
+    differs = ((here[:, 1:] & passed).flatten(2).any(2) & (~here[:, 1:] & passed).flatten(2).any(2)).any(1)
+    i, j = drawing.cell(to, table[:, 2], side)
+    blocked = here[torch.arange(len(able), device=missions.device), 0, i, j]
+    moves[table[:, 0], 0], slid[table[:, 0]] = ~(differs | blocked), to
+    return moves, slid
 
 
 def _graphs(missions, chosen, columns):
-    sizes = missions.states_at[chosen + 1] - missions.states_at[chosen]
-    counts = missions.edges_at[chosen + 1] - missions.edges_at[chosen]
-    owner = np.repeat(np.arange(len(chosen)), counts)
-    offset = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    edges = _gather(missions.edges, missions.edges_at, chosen) + offset[owner][:, None]
-    literals = _gather(missions.literals, missions.edges_at, chosen)
-    literals = np.take_along_axis(literals, columns[owner], axis=1)
+    """The automata of missions, and the rows of their states."""
+    states, edges = missions.states_at[chosen], missions.edges_at[chosen]
+    sizes = missions.states_at[chosen + 1] - states
+    state, state_graph = drawing.rows(states, sizes, missions.device)
+    edge, owner = drawing.rows(edges, missions.edges_at[chosen + 1] - edges, missions.device)
+    table = drawing.send(np.hstack([np.stack([chosen, np.cumsum(sizes) - sizes], axis=1), columns]), missions.device)
+    mission, offset, columns = table[:, :1, None], table[:, 1], table[:, 2:]
+    ends = missions.on("edges")[edge].long() + offset[owner][:, None]
+    literals = missions.on("literals")[edge].gather(1, columns[owner])
     # The start stays last.
-    places = np.concatenate([columns, np.full((len(chosen), 1), missions.labels)], axis=1)
-    ways = missions.ways[np.asarray(chosen)[:, None, None], places[:, :, None], places[:, None, :]]
-    return Graphs(
-        torch.from_numpy(_gather(missions.states, missions.states_at, chosen)),
-        torch.from_numpy(literals.astype(np.float32)),
-        torch.from_numpy(edges[:, 0].astype(np.int64)),
-        torch.from_numpy(edges[:, 1].astype(np.int64)),
-        torch.from_numpy(np.repeat(np.arange(len(chosen)), sizes)),
-        torch.from_numpy(owner),
-        len(chosen),
-        torch.from_numpy(ways),
+    places = torch.cat([columns, columns.new_full((len(chosen), 1), missions.labels)], dim=1)
+    ways = missions.on("ways")[mission, places[:, :, None], places[:, None, :]]
+    graphs = Graphs(
+        missions.on("states")[state], literals.float(), ends[:, 0], ends[:, 1], state_graph, owner, len(chosen), ways
     )
+    return graphs, state

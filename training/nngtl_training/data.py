@@ -1,4 +1,4 @@
-"""A data set in memory: maps as small integer rasters, missions as paths and graphs, in flat arrays."""
+"""A data set in memory: maps as polygons, missions as paths and graphs, in flat arrays, on the host and on a device."""
 
 import json
 import os
@@ -6,46 +6,43 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import torch
 
-from . import raster, shards
-
-TARGET_SIDE = 200
-"""Cells per side of the target heatmap (nngtl.md, IV-D)."""
-
-REACH = 0.04
-"""Radius, in sides of the frame, of the part of a region around the expert's entry that counts as its place of arrival."""
-
-UNDRAWN = 8
-"""Cells per side of the maps of networks that do not look at them."""
+from . import shards
+from .arrivals import arrivals
+from .drawing import Lines, outlines
 
 FARTHEST = 4.0
 """Ways count as at most so many sides of the frame; where none leads, too."""
 
-CACHE_VERSION = 4
+CACHE_VERSION = 5
 
 
 @dataclass
 class Missions:
-    """Missions of one data set at one resolution.
+    """Missions of one data set, as vectors: what is drawn is drawn where it is needed (``batches``, ``targets``).
 
     Arrays that hold a different number of rows for each mission are concatenated; mission ``k`` owns rows
-    ``at[k]`` to ``at[k + 1]`` with ``at`` the array of that name with ``_at``.
+    ``at[k]`` to ``at[k + 1]`` with ``at`` the array of that name with ``_at``. Coordinates are in the frame [0, 1]².
     """
 
-    resolution: int
+    resolution: int | None  # cells per side of the raster that the network reads, if it reads one
     labels: int
+    suffix: bool  # whether the target includes it
     fingerprint: str
-    codes: np.ndarray  # (maps, R, R): bit 0 obstacle, bit 1 + k region k
+    corners: np.ndarray  # (V, 2): of the maps' polygons
+    corners_at: np.ndarray  # for each polygon
+    polygons_at: np.ndarray  # for each map: its obstacles and then its regions
+    obstacles: np.ndarray  # (maps): how many of its polygons are obstacles
+    extent: np.ndarray  # (maps, 2): how far the bounds reach
     map: np.ndarray  # (N): each mission's map
-    start: np.ndarray  # (N, 2): in the frame [0, 1]²
+    start: np.ndarray  # (N, 2)
     order: np.ndarray  # (N, labels): the region of each channel, −1 none
-    points: np.ndarray  # (P, 2): prefix and suffix, in the frame
+    points: np.ndarray  # (P, 2): prefix and suffix
     points_at: np.ndarray
     prefix: np.ndarray  # (N): how many of them are the prefix
-    cells: np.ndarray  # (C): marked cells of the target at 200×200, flat
-    cells_at: np.ndarray
-    reach: np.ndarray  # cells of the regions that the path enters, within REACH of the entries
-    reach_at: np.ndarray
+    entries: np.ndarray  # (A, 3): x, y where the path enters a region, and its number on the map
+    entries_at: np.ndarray
     legs: np.ndarray  # (L, 3): from x, y straight to a region: its number on the map
     legs_at: np.ndarray
     states: np.ndarray  # (S, 3)
@@ -59,6 +56,9 @@ class Missions:
     pattern: np.ndarray
     skipped: dict = field(default_factory=dict)
 
+    def __post_init__(self):
+        self.device, self._moved = torch.device("cpu"), {}
+
     def __len__(self):
         return len(self.map)
 
@@ -66,28 +66,68 @@ class Missions:
         """How many missions there are on each family of maps."""
         return dict(zip(*(a.tolist() for a in np.unique(self.family, return_counts=True))))
 
+    def to(self, device):
+        """Draws and gives batches on this device from now on."""
+        if torch.device(device) != self.device:
+            self.device, self._moved = torch.device(device), {}
+        return self
+
+    def on(self, name):
+        """An array on the device, moved there when it is first asked for."""
+        return self.kept(name, lambda: torch.from_numpy(getattr(self, name)).to(self.device))
+
+    def walls(self):
+        """The edges of the maps' polygons, numbered as ``corners`` are; obstacles on layer 0, region k on 1 + k."""
+        return self.kept("walls", self._walls)
+
+    def trail(self):
+        """The paths' lines: number p from point p to the next one, that from a path's last point to itself."""
+        return self.kept("trail", self._trail)
+
+    def layers(self):
+        """How many layers ``walls`` has."""
+        return self.kept("layers", lambda: 1 + int((np.diff(self.polygons_at) - self.obstacles).max()))
+
+    def kept(self, name, make):
+        """What ``make`` gave when this was first asked for under the name, on this device."""
+        if name not in self._moved:
+            self._moved[name] = make()
+        return self._moved[name]
+
+    def _walls(self):
+        number = np.diff(self.polygons_at)
+        layer = np.arange(len(self.corners_at) - 1) - np.repeat(self.polygons_at[:-1] + self.obstacles - 1, number)
+        layer = np.repeat(np.maximum(layer, 0), np.diff(self.corners_at))
+        return Lines(outlines(self.corners, self.corners_at), self.device, layer)
+
+    def _trail(self):
+        following = np.minimum(np.arange(1, len(self.points) + 1), len(self.points) - 1)
+        for last in (self.points_at[:-1] + self.prefix - 1, self.points_at[1:] - 1):
+            following[last] = last
+        return Lines(np.hstack([self.points, self.points[following]]), self.device)
+
 
 def load(directory, config, cache=None, limit=None, families=None):
-    """Reads and rasterises a data set; with ``cache`` a folder, keeps the result there.
+    """Reads a data set; with ``cache`` a folder, keeps what was read there.
 
     ``config`` gives ``labels``, ``resolution`` and optionally ``suffix`` (default true) and ``max_transitions``
     (missions with larger automata are skipped in training; default 4000). ``limit`` stops after so many maps. ``families`` leaves
     out maps of other families, uncounted.
     """
     manifest = shards.verify(directory)
-    # Networks that read no raster need no cells either.
-    drawn = "resolution" in config
-    side, labels = config["resolution"] if drawn else UNDRAWN, config["labels"]
+    side, labels = config.get("resolution"), config["labels"]
     suffix, most = config.get("suffix", True), config.get("max_transitions", 4000)
+    # Networks that read no raster need nothing to draw either.
+    drawn = side is not None
     kinds = "+".join(sorted(families or ["all"]))
-    name = f"{shards.fingerprint(manifest)}-{side}-{labels}-{suffix}-{most}-{limit}-{kinds}-v{CACHE_VERSION}.npz"
+    name = f"{shards.fingerprint(manifest)}-{drawn}-{labels}-{suffix}-{most}-{limit}-{kinds}-v{CACHE_VERSION}.npz"
     path = Path(cache) / name if cache else None
     if path and path.is_file():
         with np.load(path) as stored:
             kept = {key: stored[key] for key in stored.files}
         skipped = dict(zip(kept.pop("skipped_why"), kept.pop("skipped_count").tolist()))
-        return Missions(side, labels, shards.fingerprint(manifest), skipped=skipped, **kept)
-    builder = _Builder(side, labels, suffix, most, drawn)
+        return Missions(side, labels, suffix, shards.fingerprint(manifest), skipped=skipped, **kept)
+    builder = _Builder(labels, suffix, most, drawn)
     for number, (place, entry) in enumerate(shards.maps(directory, manifest)):
         if limit is not None and number >= limit:
             break
@@ -103,7 +143,7 @@ def load(directory, config, cache=None, limit=None, families=None):
         partial = path.with_suffix(f".{os.getpid()}.partial.npz")
         np.savez(partial, skipped_why=why, skipped_count=count, **arrays)
         partial.replace(path)
-    return Missions(side, labels, shards.fingerprint(manifest), skipped=builder.skipped, **arrays)
+    return Missions(side, labels, suffix, shards.fingerprint(manifest), skipped=builder.skipped, **arrays)
 
 
 def _check_ways(place, entry):
@@ -137,38 +177,34 @@ def _bad_ways(place, what, wanted, found):
     )
 
 
-_NO_CELLS = {
-    "cells": np.zeros(0, dtype=np.uint16),
-    "reach": np.zeros(0, dtype=np.uint16),
-    "legs": np.zeros((0, 3), dtype=np.float32),
-}
-
-
 class _Builder:
     """Collects missions into flat arrays."""
 
-    def __init__(self, side, labels, suffix, most, drawn=True):
-        self.side, self.labels, self.suffix, self.most, self.drawn = side, labels, suffix, most, drawn
-        self.codes, self.rows, self.skipped = [], [], {}
+    def __init__(self, labels, suffix, most, drawn=True):
+        self.labels, self.suffix, self.most, self.drawn = labels, suffix, most, drawn
+        self.maps, self.rows, self.skipped = [], [], {}
 
     def add(self, entry):
         (x0, y0), (x1, y1) = entry["bounds"]
         scale = max(x1 - x0, y1 - y0)
         frame = lambda points: (np.asarray(points, dtype=np.float64).reshape(-1, 2) - (x0, y0)) / scale
-        obstacles = [frame(p) for p in entry["obstacles"]]
         regions = [frame(p) for p in entry["regions"]]
-        extent = ((x1 - x0) / scale, (y1 - y0) / scale)
-        fine = raster.map_codes(obstacles, [], extent, TARGET_SIDE) & 1 == 0 if self.drawn else None
         used = False
         for mission in entry["missions"]:
             why = self._refuse(mission)
             if why:
                 self.skipped[why] = self.skipped.get(why, 0) + 1
                 continue
-            self.rows.append(self._row(entry, mission, frame, fine, regions))
+            self.rows.append(self._row(entry, mission, frame, regions))
             used = True
         if used:
-            self.codes.append(raster.map_codes(obstacles, regions, extent, self.side))
+            self.maps.append(
+                {
+                    "polygons": [frame(p) for p in entry["obstacles"]] + regions if self.drawn else [],
+                    "obstacles": len(entry["obstacles"]) if self.drawn else 0,
+                    "extent": ((x1 - x0) / scale, (y1 - y0) / scale),
+                }
+            )
 
     def _refuse(self, mission):
         if len(mission["order"]) > self.labels:
@@ -177,9 +213,12 @@ class _Builder:
             return "automaton too large"
         return None
 
-    def _row(self, entry, mission, frame, free, regions):
+    def _row(self, entry, mission, frame, regions):
         prefix, suffix = frame(mission["prefix"]), frame(mission["suffix"])
-        cells = self._cells(mission, prefix, suffix, free, regions) if self.drawn else _NO_CELLS
+        used = [(k, regions[k]) for k in mission["order"]] if self.drawn else []
+        entries, legs = arrivals(prefix, used)
+        if self.suffix:
+            entries += arrivals(suffix, used)[0]
         automaton = mission["automaton"]
         states = np.zeros((automaton["states"], 3), dtype=np.float32)
         states[automaton["initial"], 0] = 1
@@ -194,12 +233,13 @@ class _Builder:
         order = np.full(self.labels, -1, dtype=np.int8)
         order[: len(mission["order"])] = mission["order"]
         return {
-            "map": len(self.codes),
+            "map": len(self.maps),
             "start": frame(mission["start"])[0],
             "order": order,
             "points": np.concatenate([prefix, suffix]),
             "prefix": len(prefix),
-            **cells,
+            "entries": np.array(entries, dtype=np.float64).reshape(-1, 3),
+            "legs": np.array(legs, dtype=np.float64).reshape(-1, 3),
             "states": states,
             "visited": visited,
             "edges": np.array([e[:2] for e in edges], dtype=np.int32).reshape(-1, 2),
@@ -207,25 +247,6 @@ class _Builder:
             "ways": self._ways(entry, mission),
             "family": entry["family"],
             "pattern": mission["pattern"],
-        }
-
-    def _cells(self, mission, prefix, suffix, free, regions):
-        """What a mission marks at 200×200, and its straight legs."""
-        marks = raster.path(prefix * TARGET_SIDE, TARGET_SIDE)
-        if self.suffix:
-            marks |= raster.path(suffix * TARGET_SIDE, TARGET_SIDE)
-        marks = raster.grow(marks) & free
-        used = [(k, regions[k]) for k in mission["order"]]
-        entries, legs = arrivals(prefix, used)
-        if self.suffix:
-            entries += arrivals(suffix, used)[0]
-        reach = np.zeros_like(marks)
-        for point, shape in entries:
-            reach |= _disc(point) & raster.polygon(shape * TARGET_SIDE, TARGET_SIDE)
-        return {
-            "cells": np.flatnonzero(marks).astype(np.uint16),
-            "reach": np.flatnonzero(reach & free).astype(np.uint16),
-            "legs": np.array(legs, dtype=np.float32).reshape(-1, 3),
         }
 
     def _ways(self, entry, mission):
@@ -245,72 +266,29 @@ class _Builder:
         if not self.rows:
             raise shards.DataError(f"no usable mission in the data set; skipped: {self.skipped}")
         column = lambda name: [row[name] for row in self.rows]
+        polygons = [polygon for entry in self.maps for polygon in entry["polygons"]]
         out = {
-            "codes": np.stack([c.astype(max((c.dtype for c in self.codes), key=lambda d: d.itemsize)) for c in self.codes]),
+            "corners": np.concatenate([np.zeros((0, 2)), *polygons]),
+            "corners_at": _bounds(polygons),
+            "polygons_at": _bounds([entry["polygons"] for entry in self.maps]),
+            "obstacles": np.array([entry["obstacles"] for entry in self.maps]),
+            "extent": np.array([entry["extent"] for entry in self.maps], dtype=np.float64),
             "map": np.array(column("map"), dtype=np.int32),
-            "start": np.array(column("start"), dtype=np.float32),
+            "start": np.array(column("start")),
             "order": np.stack(column("order")),
             "prefix": np.array(column("prefix"), dtype=np.int32),
             "ways": np.stack(column("ways")),
             "family": np.array(column("family")),
             "pattern": np.array(column("pattern")),
         }
-        for name in ("points", "cells", "reach", "legs", "states", "visited", "edges", "literals"):
+        for name in ("points", "entries", "legs", "states", "visited", "edges", "literals"):
             parts = column(name)
             out[name] = np.concatenate(parts)
             if name not in ("visited", "literals"):
-                out[f"{name}_at"] = np.concatenate([[0], np.cumsum([len(p) for p in parts])])
-        out["points"] = out["points"].astype(np.float32)
+                out[f"{name}_at"] = _bounds(parts)
         return out
 
 
-def arrivals(path, regions):
-    """Where a path enters regions, and its legs that run straight from one such place (or the start) to the next.
-
-    ``regions`` lists (number, polygon). Returns [(entry point, polygon)] and [(x, y, number)], a leg's
-    beginning and the region that it ends in.
-    """
-    entries, legs, last = [], [], path[0]
-    within = {number: bool(_contains(shape, path[:1])[0]) for number, shape in regions}
-    for k, (a, b) in enumerate(zip(path, path[1:])):
-        steps = max(2, int(np.ceil(np.linalg.norm(b - a) * 2 * TARGET_SIDE)))
-        points = a + np.linspace(0, 1, steps + 1)[1:, None] * (b - a)
-        found = []
-        for number, shape in regions:
-            inside = _contains(shape, points)
-            before = np.concatenate([[within[number]], inside[:-1]])
-            found += [(step, number, shape) for step in np.flatnonzero(inside & ~before)]
-            within[number] = bool(inside[-1])
-        for step, number, shape in sorted(found, key=lambda f: f[:2]):
-            entries.append((points[step], shape))
-            if last is not None:
-                legs.append((*last, number))
-            last = points[step]
-        if any(within.values()):
-            last = b
-        elif last is not None and k + 2 < len(path) and _beside(b, last, path[k + 2]) > 0.5 / TARGET_SIDE:
-            last = None  # a corner: the leg that it lies on is not straight
-    return entries, legs
-
-
-def _beside(point, a, b):
-    """How far a point lies from the line through ``a`` and ``b``."""
-    d = b - a
-    length = np.linalg.norm(d)
-    away = point - a
-    return abs(d[0] * away[1] - d[1] * away[0]) / length if length > 0 else np.linalg.norm(away)
-
-
-def _contains(polygon, points):
-    """Even-odd rule for single points: (N) bool."""
-    a, b = polygon, np.roll(polygon, -1, axis=0)
-    x, y = points[:, :1], points[:, 1:]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = a[:, 0] + (y - a[:, 1]) * (b[:, 0] - a[:, 0]) / (b[:, 1] - a[:, 1])
-    return (((a[:, 1] > y) != (b[:, 1] > y)) & (x < at)).sum(axis=1) % 2 == 1
-
-
-def _disc(point):
-    """The cells within REACH of a point of the frame, at 200×200."""
-    centre = (np.arange(TARGET_SIDE) + 0.5) / TARGET_SIDE
-    return (centre[:, None] - point[0]) ** 2 + (centre[None] - point[1]) ** 2 <= REACH**2
+def _bounds(parts):
+    """Where each of the concatenated parts begins, and the last one ends."""
+    return np.concatenate([[0], np.cumsum([len(part) for part in parts], dtype=np.int64)])

@@ -12,7 +12,7 @@ def main(arguments=None):
     parser.add_argument("model", type=Path, help="weight file")
     parser.add_argument("data", type=Path, help="data set")
     parser.add_argument("--limit", type=int, help="so many missions, spread over the set")
-    parser.add_argument("--cache", type=Path, help="folder for rasterised data sets")
+    parser.add_argument("--cache", type=Path, help="folder that keeps data sets as they were read")
     options = parser.parse_args(arguments)
     model, _ = export.read(options.model)
     missions = data.load(options.data, model.config, options.cache)

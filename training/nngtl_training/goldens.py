@@ -15,7 +15,7 @@ import torch
 from safetensors.torch import save
 from torch.nn import functional as F
 
-from . import batches, export, models, raster
+from . import batches, drawing, export, models
 from .graph import Graphs
 
 PAINT = dict(
@@ -78,9 +78,7 @@ def example(labels, side, rng, ways=False):
     box = lambda x, y, w, h: np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]]) * 1.0
     obstacles = [box(0.1, 0.55, 0.4, 0.2), np.array([[0.6, 0.1], [0.9, 0.2], [0.65, 0.45]])]
     regions = [box(*rng.uniform(0.05, 0.75, 2), *rng.uniform(0.08, 0.2, 2)) for _ in range(labels)]
-    codes = raster.map_codes(obstacles, regions, (1.0, 0.9), side)[None]
-    start = np.zeros((1, side, side), dtype=bool)
-    start[0][raster.cell((0.313, 0.271), side)] = True
+    scene, start = _scene(obstacles, regions, (1.0, 0.9), side), _cell((0.313, 0.271), side)
     order = np.arange(labels)[None].copy()
     order[0, -1] = -1  # a channel that the formula does not use
     literals = rng.integers(-1, 2, (9, labels)).astype(np.int8)
@@ -102,7 +100,27 @@ def example(labels, side, rng, ways=False):
         lengths = rng.uniform(0, 1.5, (labels + 1, labels + 1)).astype(np.float32)
         lengths[labels - 1] = lengths[:, labels - 1] = 0
         graphs.ways = torch.from_numpy(lengths + lengths.T)[None]
-    return batches.raster_tensor(codes, start, order), graphs
+    return batches.encoded(scene, start, torch.from_numpy(order)), graphs
+
+
+_UPRIGHT = np.zeros(1, dtype=np.int64)
+
+
+def _scene(obstacles, regions, extent, side):
+    """A map as ``batches.scenes`` gives them: (1, 1 + regions, side, side) bool."""
+    shapes = [np.asarray(shape, dtype=np.float64) for shape in (*obstacles, *regions)]
+    sizes = np.array([len(shape) for shape in shapes])
+    at = np.concatenate([[0], np.cumsum(sizes)])
+    layer = np.repeat(np.maximum(np.arange(len(shapes)) - len(obstacles) + 1, 0), sizes)
+    lines = drawing.Lines(drawing.outlines(np.concatenate(shapes), at), layer=layer)
+    scene = drawing.polygons(lines, side, at[:1], at[-1:], _UPRIGHT, 1 + len(regions))
+    scene[:, 0] |= drawing.outside(torch.tensor([extent], dtype=torch.float64), torch.from_numpy(_UPRIGHT), side)
+    return scene
+
+
+def _cell(point, side):
+    """The cell of a point of the frame: i, j, a tensor of one each."""
+    return drawing.cell(torch.tensor([point], dtype=torch.float64), torch.from_numpy(_UPRIGHT), side)
 
 
 def example_for(config, number):
@@ -187,7 +205,7 @@ def rasters(number=6):
         shapes = [(low + size * _shape(rng, k)).round(4).tolist() for k in range(8)]
         start = (low + size * rng.uniform(0, 1, 2)).round(4).tolist()
         frame = lambda points: (np.array(points) - low) / size.max()
-        codes = raster.map_codes([frame(p) for p in shapes[:4]], [frame(p) for p in shapes[4:]], size / size.max(), side)
+        scene = _scene([frame(p) for p in shapes[:4]], [frame(p) for p in shapes[4:]], (size / size.max()).tolist(), side)[0]
         out.append(
             {
                 "resolution": side,
@@ -195,8 +213,8 @@ def rasters(number=6):
                 "obstacles": shapes[:4],
                 "regions": shapes[4:],
                 "start": start,
-                "start_cell": raster.cell(frame(start), side),
-                "channels": [_runs(codes >> bit & 1) for bit in range(5)],
+                "start_cell": [int(i) for i in _cell(frame(start).tolist(), side)],
+                "channels": [_runs(marks) for marks in scene.numpy()],
             }
         )
     return out

@@ -48,10 +48,6 @@ class Graphs:
     count: int
     ways: torch.Tensor | None = None
 
-    def to(self, device):
-        moved = {k: v.to(device) if torch.is_tensor(v) else v for k, v in vars(self).items()}
-        return Graphs(**moved)
-
     def pool_input(self):
         return self.states.new_full((self.count, POOL_WIDTH), POOL_VALUE)
 

@@ -4,8 +4,7 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from . import batches, raster
-from .data import TARGET_SIDE
+from . import batches, targets
 
 POWERS = (1, 2, 4, 8)
 CAP = 1000
@@ -33,25 +32,12 @@ def average_precision(counted):
     return float((gained * right / np.maximum(every, 1)).sum())
 
 
-def _truth(missions, chosen):
-    """The target at 200×200, (B, 200, 200) bool."""
-    out = np.zeros((len(chosen), TARGET_SIDE**2), dtype=bool)
-    for b, k in enumerate(chosen):
-        out[b, missions.cells[missions.cells_at[k] : missions.cells_at[k + 1]]] = True
-    return out.reshape(-1, TARGET_SIDE, TARGET_SIDE)
-
-
 def heatmap(logits):
     """Probabilities at 200×200 from logits at the network's resolution, as inference makes them."""
     heat = torch.sigmoid(logits.float())[:, None]
-    if heat.shape[-1] != TARGET_SIDE:
-        heat = F.interpolate(heat, size=TARGET_SIDE, mode="bilinear", align_corners=False)
+    if heat.shape[-1] != targets.SIDE:
+        heat = F.interpolate(heat, size=targets.SIDE, mode="bilinear", align_corners=False)
     return heat[:, 0]
-
-
-def drawn(config):
-    """Whether a network reads a raster."""
-    return "resolution" in config
 
 
 @torch.no_grad()
@@ -64,6 +50,7 @@ def evaluate(model, missions, limit=None, size=32, device="cpu", spread=None):
     right. ``spread``: the target that ``loss`` is taken against, see ``batches.make``. ``base`` is what a constant would reach (share of positives).
     """
     model.eval()
+    missions = missions.to(device)
     paths = model.config["kind"] == "pathnet"
     number = len(missions) if limit is None else min(limit, len(missions))
     # Spread over the set, which may be ordered by family.
@@ -72,7 +59,7 @@ def evaluate(model, missions, limit=None, size=32, device="cpu", spread=None):
     groups = {}
     for first in range(0, number, size):
         part = chosen[first : first + size]
-        batch = batches.make(missions, part, spread=spread, draw=drawn(model.config)).to(device)
+        batch = batches.make(missions, part, spread=spread)
         logits = model(batch.raster, batch.graphs).float()
         if paths:
             rows += _path_rows(logits, batch, missions, part)
@@ -86,12 +73,15 @@ def evaluate(model, missions, limit=None, size=32, device="cpu", spread=None):
 
 
 def _path_rows(logits, batch, missions, chosen):
-    target = batches.lowered(batch.heat, logits)
+    target = targets.lowered(batch.heat, logits)
     loss = F.binary_cross_entropy_with_logits(logits, target, reduction="none").mean(dim=(1, 2))
-    heat, truth = heatmap(logits).cpu().numpy(), _truth(missions, chosen)
+    upright = np.zeros_like(chosen)
+    free = ~targets.obstacles(missions, chosen, upright, targets.SIDE)
+    truth = targets.path_cells(missions, chosen, upright, free).cpu().numpy()
+    heat, regions = heatmap(logits).cpu().numpy(), batch.raster[:, 1:].bool().cpu().numpy()
     out = []
-    for k, value, scores, positive in zip(chosen, loss.tolist(), heat, truth):
-        row = {"loss": value, "_counts": counts(scores.ravel(), positive.ravel()), **_draws(scores, missions, k)}
+    for k, value, scores, positive, masks in zip(chosen, loss.tolist(), heat, truth, regions):
+        row = {"loss": value, "_counts": counts(scores.ravel(), positive.ravel()), **_draws(scores, masks, missions, k)}
         for power in POWERS:
             weight = scores.astype(np.float64) ** power
             row[f"mass{power}"] = float(weight[positive].sum() / max(weight.sum(), 1e-300))
@@ -99,17 +89,18 @@ def _path_rows(logits, batch, missions, chosen):
     return out
 
 
-def _draws(heat, missions, k):
-    """Means over the mission's straight legs; none: no entry."""
+def _draws(heat, masks, missions, k):
+    """Means over the mission's straight legs, for the masks (labels, R, R) of its channels; none: no entry."""
     legs = missions.legs[missions.legs_at[k] : missions.legs_at[k + 1]]
-    factor = TARGET_SIDE // missions.resolution
-    codes = missions.codes[missions.map[k]]
+    factor = targets.SIDE // missions.resolution
     expected = {power: [] for power in (0, *POWERS)}
     for x, y, region in legs:
-        inside = np.kron(codes >> (int(region) + 1) & 1, np.ones((factor, factor), dtype=np.uint8)) == 1
+        mask = masks[np.flatnonzero(missions.order[k] == region)[0]]
+        inside = np.kron(mask, np.ones((factor, factor), dtype=np.uint8)) == 1
         if not inside.any():
             continue
-        cells = np.array([raster.cell((x, y), TARGET_SIDE), np.argwhere(inside).mean(axis=0).astype(int)])
+        begin = np.clip(np.floor(np.array([x, y]) * targets.SIDE), 0, targets.SIDE - 1)
+        cells = np.array([begin, np.argwhere(inside).mean(axis=0)]).astype(int)
         (i0, j0), (i1, j1) = cells.min(axis=0), cells.max(axis=0) + 1
         there = inside[i0:i1, j0:j1]
         if inside[tuple(cells[0])] or not there.any():

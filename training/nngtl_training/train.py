@@ -20,7 +20,7 @@ import torch
 from torch import distributed
 from torch.nn import functional as F
 
-from . import __version__, batches, configs, data, export, metrics, models
+from . import __version__, batches, configs, data, export, metrics, models, targets
 
 CHECKPOINT = "checkpoint.pt"
 
@@ -45,8 +45,9 @@ class Run:
     """Everything that a training run owns."""
 
     def __init__(self, config, missions, seed=0, device="cpu", team=None):
-        self.config, self.missions, self.seed = config, missions, seed
+        self.config, self.seed = config, seed
         self.device, self.team = torch.device(device), team or Team()
+        self.missions = missions.to(self.device)
         self.options = config["training"]
         torch.manual_seed(seed)
         self.model = models.build(config["network"]).to(self.device, memory_format=torch.channels_last)
@@ -57,6 +58,8 @@ class Run:
             self.model.parameters(), lr=self.options["rate"], weight_decay=self.options["weight_decay"]
         )
         self.step, self.elapsed = 0, 0.0
+        # A GPU is still busy with a step when the program has asked for all of it: time to make the next batch.
+        self.early, self.ahead = self.device.type == "cuda", None
         self.record = {
             "package": __version__,
             "torch": torch.__version__,
@@ -90,23 +93,31 @@ class Run:
         """Whether the trunk stands still now (IV-D: a trunk with given weights, at first)."""
         return "trunk" in self.record and self.epoch < self.options.get("frozen_epochs", 0)
 
-    def train_step(self, progress):
-        """One step; returns the loss."""
-        rng = np.random.default_rng([self.seed, 1, self.step, self.team.rank])
-        torch.manual_seed(int(rng.integers(2**31)))
-        chosen = batches.indices(len(self.missions), self.options["batch"], self.seed, self.step)
+    def batch(self, step):
+        """The step, the seed of its dropout, and its batch, or this process's share of it."""
+        rng = np.random.default_rng([self.seed, 1, step, self.team.rank])
+        seed = int(rng.integers(2**31))
+        chosen = batches.indices(len(self.missions), self.options["batch"], self.seed, step)
         chosen = chosen[self.team.rank :: self.team.size]
         paths = self.config["network"]["kind"] == "pathnet"
         reach, spread = self.options["reach"], self.options.get("spread")
-        drawn = metrics.drawn(self.config["network"])
-        batch = batches.make(self.missions, chosen, self.augment, rng, reach, paths, spread, drawn).to(self.device)
+        return step, seed, batches.make(self.missions, chosen, self.augment, rng, reach, paths, spread)
+
+    def train_step(self, progress):
+        """One step; returns the loss."""
+        if self.ahead is None or self.ahead[0] != self.step:
+            self.ahead = self.batch(self.step)
+        _, seed, batch = self.ahead
+        torch.manual_seed(seed)
         for group in self.optimizer.param_groups:
             group["lr"] = self.rate(progress)
         self.model.train()
         if hasattr(self.model, "trunk"):
             fixed = self.frozen()
             self.model.trunk.requires_grad_(not fixed).train(not fixed)
-        inputs = batch.raster.contiguous(memory_format=torch.channels_last) if drawn else batch.raster
+        inputs = batch.raster
+        if inputs.dim() == 4:
+            inputs = inputs.contiguous(memory_format=torch.channels_last)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.half):
             logits = self.forward(inputs, batch.graphs)
         loss = self.loss(logits.float(), batch)
@@ -115,13 +126,14 @@ class Run:
         torch.nn.utils.clip_grad_norm_(self.model.parameters(), 5.0)
         self.optimizer.step()
         self.step += 1
+        self.ahead = self.batch(self.step) if self.early else None
         return loss.item()
 
     def loss(self, logits, batch):
         """Binary cross entropy: over cells for PathNet, over the logits of the states for StateNet."""
         if self.config["network"]["kind"] == "pathnet":
             weight = torch.tensor(self.options["positive_weight"], device=logits.device)
-            return F.binary_cross_entropy_with_logits(logits, batches.lowered(batch.heat, logits), pos_weight=weight)
+            return F.binary_cross_entropy_with_logits(logits, targets.lowered(batch.heat, logits), pos_weight=weight)
         truth = batch.visited[:, None]
         if logits.shape[1] == 2:
             truth = torch.cat([1 - truth, truth], dim=1)
@@ -245,7 +257,7 @@ def start(options):
     config = configs.get(options.config, options.net, options.set)
     network = {**config["network"], "suffix": config["training"]["suffix"]}
     missions = data.load(options.data, network, options.cache, options.maps, options.families)
-    held_out = data.load(options.held_out, network, options.cache) if options.held_out else None
+    held_out = data.load(options.held_out, network, options.cache).to(device) if options.held_out else None
     for found in (missions, held_out):
         if found is not None and config["network"]["variant"] == "ways" and np.isnan(found.ways).any():
             raise SystemExit("a data set has no lengths of ways, which this StateNet reads: generate it anew")
@@ -290,7 +302,7 @@ def main(arguments=None):
     parser.add_argument("--data", type=Path, required=True, help="data set to train on")
     parser.add_argument("--held-out", type=Path, help="data set to evaluate on")
     parser.add_argument("--out", type=Path, required=True, help="folder of the run: checkpoint, log, weight file")
-    parser.add_argument("--cache", type=Path, help="folder for rasterised data sets")
+    parser.add_argument("--cache", type=Path, help="folder that keeps data sets as they were read")
     parser.add_argument("--minutes", type=float, help="budget in minutes of training")
     parser.add_argument("--steps", type=int, help="budget in steps; reproducible")
     parser.add_argument("--maps", type=int, help="use only the first so many maps")

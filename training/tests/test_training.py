@@ -1,11 +1,13 @@
 """The loop: learning, exact resume, export, hand-over."""
 
+import csv
 import gzip
 import hashlib
 import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -47,6 +49,19 @@ def test_a_resumed_run_equals_one_that_never_stopped(kind, data_set, tmp_path):
         resumed.train_step(step / 6)
     for name, value in whole.model.state_dict().items():
         assert torch.equal(value, resumed.model.state_dict()[name]), name
+
+
+def test_batches_made_ahead_change_nothing(data_set, tmp_path):
+    config = small("pathnet")
+    plain, early, resumed = (begin(config, data_set[0]) for _ in range(3))
+    early.early = resumed.early = True
+    losses = [plain.train_step(step / 4) for step in range(4)]
+    assert [early.train_step(step / 4) for step in range(2)] == losses[:2]
+    early.save(tmp_path / "checkpoint.pt")
+    resumed.train_step(0)  # what it has made ahead is for a step that it then never takes
+    resumed.restore(tmp_path / "checkpoint.pt")
+    for run in (early, resumed):
+        assert [run.train_step(step / 4) for step in range(2, 4)] == losses[2:]
 
 
 def test_dropout_resumes_exactly_too(data_set, tmp_path):
@@ -127,26 +142,102 @@ def test_a_given_trunk_stands_still_for_its_first_epochs(data_set, tmp_path):
     assert moved()
 
 
-def test_two_processes_train_as_one_does(data_set, tmp_path):
+TEAM_STEPS = 6
+
+
+def two_processes(folder, out, *program):
+    """Runs ``program`` under ``torchrun`` with the command line of a small training run."""
+    options = [word for change in [*SMALL["statenet"], "training.batch=8", "training.warm_up=2"] for word in ("--set", change)]
+    team = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", *program]
+    run = ["statenet", "--data", str(folder), "--out", str(out), "--steps", str(TEAM_STEPS), "--seed", "1", "--device", "cpu"]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(Path(train.__file__).parents[1])}
+    return subprocess.run([*team, *run, *options, "--save-minutes", "0"], timeout=300, env=environment, capture_output=True, text=True)
+
+
+def saved(folder):
+    return torch.load(folder / "checkpoint.pt", weights_only=False)
+
+
+@pytest.fixture(scope="module")
+def team_run(data_set, tmp_path_factory):
+    """The folder of a run by two processes that nothing interrupted."""
+    out = tmp_path_factory.mktemp("team")
+    done = two_processes(data_set[0], out, "-m", "nngtl_training.train")
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+def test_two_processes_train_as_one_does(data_set, team_run):
     """Under ``torchrun`` the batch is shared out and gradients are averaged; batch statistics are each process's own."""
     config = small("statenet")
     alone = begin(config, data_set[0])
     before = {name: value.clone() for name, value in alone.model.named_parameters()}
-    for step in range(4):
-        alone.train_step(step / 4)
-    options = [option for change in [*SMALL["statenet"], "training.batch=8", "training.warm_up=2"] for option in ("--set", change)]
-    module = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", "-m", "nngtl_training.train"]
-    run = ["statenet", "--data", str(data_set[0]), "--out", str(tmp_path), "--steps", "4", "--seed", "1", "--device", "cpu", *options]
-    subprocess.run([sys.executable, *module, *run], check=True, timeout=300, env={**os.environ, "OMP_NUM_THREADS": "1"})
-    saved = torch.load(tmp_path / "checkpoint.pt", weights_only=False)
-    assert saved["step"] == 4
-    assert (tmp_path / "statenet.safetensors").is_file()
+    for step in range(TEAM_STEPS):
+        alone.train_step(step / TEAM_STEPS)
+    assert saved(team_run)["step"] == TEAM_STEPS
+    assert (team_run / "statenet.safetensors").is_file()
     moves = [
         torch.cat([(model[name] - start).flatten() for name, start in before.items()])
-        for model in (dict(alone.model.named_parameters()), saved["model"])
+        for model in (dict(alone.model.named_parameters()), saved(team_run)["model"])
     ]
     alike = torch.cosine_similarity(*moves, dim=0)
     assert alike > 0.3, alike
+
+
+def test_two_processes_that_were_killed_go_on_where_they_were(data_set, team_run, tmp_path):
+    done = two_processes(data_set[0], tmp_path, str(Path(__file__).with_name("killed.py")), "4")
+    assert done.returncode != 0 and "SIGKILL" in done.stderr
+    # One process may have been ended while the other had not saved the last step yet.
+    at = saved(tmp_path)["step"]
+    assert at in (3, 4) and not (tmp_path / "statenet.safetensors").exists()
+    done = two_processes(data_set[0], tmp_path, "-m", "nngtl_training.train")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count(f"continuing at step {at}") == 2
+    whole, resumed = saved(team_run), saved(tmp_path)
+    assert whole["step"] == resumed["step"] == TEAM_STEPS
+    for name, value in whole["model"].items():
+        assert torch.equal(value, resumed["model"][name]), name
+
+
+def test_a_path_network_starts_from_the_graph_layers_of_a_state_network(data_set, tmp_path, capsys):
+    base = lambda kind, name: [kind, "--data", str(data_set[0]), "--device", "cpu", "--out", str(tmp_path / name)]
+    words = lambda changes: [word for change in changes for word in ("--set", change)]
+    same = words(["network.graph=[8,8,8]", "training.batch=4", "training.weight_decay=0"])
+    train.main([*base("statenet", "states"), *words(SMALL["statenet"]), *same, "--steps", "1"])
+    file = tmp_path / "states" / "statenet.safetensors"
+    # A step that changes nothing but the norms' statistics.
+    still = ["--set", "training.rate=0", "--steps", "1", "--statenet", str(file)]
+    train.main([*base("pathnet", "paths"), *words(SMALL["pathnet"]), *same, *still])
+    # The first layers read different features; the others agree.
+    handed = ["graph.1 -> graph.1", "graph.2 -> graph.2"]
+    assert f"layers handed over: {handed}" in capsys.readouterr().out
+    giver, _ = export.read(file)
+    taker, record = export.read(tmp_path / "paths" / "pathnet.safetensors")
+    assert record["handed"] == handed
+    for layer in (1, 2):
+        for name, value in giver.graph[layer].state_dict().items():
+            assert torch.equal(value, taker.graph[layer].state_dict()[name]), name
+
+
+def test_tensorboard_is_given_what_the_log_holds(data_set, tmp_path):
+    pytest.importorskip("tensorboard", reason="tensorboard is not installed")
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    out = tmp_path / "run"
+    base = ["statenet", "--data", str(data_set[0]), "--held-out", str(data_set[0]), "--out", str(out), "--device", "cpu", "--steps", "2"]
+    for change in [*SMALL["statenet"], "training.batch=4"]:
+        base += ["--set", change]
+    train.main([*base, "--tensorboard"])
+    events = EventAccumulator(str(out)).Reload()
+    with open(out / "log.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert "held-out ap" in {row["name"] for row in rows}
+    # Event names know no blanks.
+    seen = {name.replace("_", " "): events.Scalars(name)[0] for name in events.Tags()["scalars"]}
+    assert set(seen) == {row["name"] for row in rows}
+    for row in rows:
+        event = seen[row["name"]]
+        assert event.step == int(row["step"]) and event.value == pytest.approx(float(row["value"]), rel=1e-4)
 
 
 def test_a_run_begins_from_a_weight_file(data_set, tmp_path):
@@ -288,13 +379,15 @@ def test_the_balanced_state_loss_by_hand(data_set):
 def test_draws_by_hand(data_set):
     missions = data.load(data_set[0], configs.get("compact", "pathnet")["network"])
     k = int(np.flatnonzero(np.diff(missions.legs_at) == 1)[0])
-    x, y, region = missions.legs[missions.legs_at[k]]
+    region = missions.legs[missions.legs_at[k], 2]
+    masks = batches.make(missions, np.array([k])).raster[0, 1:].numpy()
     factor = 200 // missions.resolution
-    inside = np.kron(missions.codes[missions.map[k]] >> (int(region) + 1) & 1, np.ones((factor, factor))) == 1
+    inside = np.kron(masks[missions.order[k].tolist().index(region)], np.ones((factor, factor))) == 1
+    draws = lambda heat: metrics._draws(heat, masks, missions, k)
     # All weight on the region: the first draw is in it. No weight there: never.
-    assert set(metrics._draws(inside.astype(np.float32), missions, k).values()) >= {1.0}
-    assert metrics._draws((~inside).astype(np.float32), missions, k)["draws1"] == metrics.CAP
-    assert metrics._draws(np.ones((200, 200)), missions, k)["draws8"] == metrics._draws(inside, missions, k)["draws0"]
+    assert set(draws(inside.astype(np.float32)).values()) >= {1.0}
+    assert draws((~inside).astype(np.float32))["draws1"] == metrics.CAP
+    assert draws(np.ones((200, 200)))["draws8"] == draws(inside)["draws0"]
 
 
 def test_average_precision_by_hand():

@@ -1,6 +1,6 @@
-"""Polygons and paths to cells, as docs/networks.md (*Map raster*) defines it.
+"""Polygons, paths and batches to cells, one at a time in plain numpy: what the package's drawing is compared with.
 
-All functions take coordinates in *cells*: the frame [0, 1]² scaled by the resolution. Arrays are
+The rasteriser takes coordinates in *cells*: the frame [0, 1]² scaled by the resolution. Arrays are
 indexed ``[i, j]``, ``i`` along x, ``j`` along y, (0, 0) at the lowest coordinates.
 """
 
@@ -123,3 +123,74 @@ def code_type(regions):
         if regions + 1 <= np.iinfo(kind).bits:
             return kind
     raise ValueError(f"{regions} regions on one map, at most 31 are supported")
+
+
+def turned(grid, turn):
+    """One of the eight symmetries of the square: transposed when bit 0 is set, then flipped by bits 1 and 2."""
+    if turn & 1:
+        grid = grid.T
+    if turn & 2:
+        grid = grid[::-1]
+    if turn & 4:
+        grid = grid[:, ::-1]
+    return grid
+
+
+class Sample:
+    """One mission of a data set's line, drawn by the book."""
+
+    def __init__(self, entry, mission, side):
+        (x0, y0), (x1, y1) = entry["bounds"]
+        scale = max(x1 - x0, y1 - y0)
+        frame = lambda points: (np.array(points, dtype=np.float64).reshape(-1, 2) - (x0, y0)) / scale
+        self.side, self.order = side, mission["order"]
+        self.prefix, self.suffix, self.start = frame(mission["prefix"]), frame(mission["suffix"]), frame(mission["start"])[0]
+        self.obstacles, self.regions = ([frame(p) for p in entry[kind]] for kind in ("obstacles", "regions"))
+        self.extent = ((x1 - x0) / scale, (y1 - y0) / scale)
+        self.codes = map_codes(self.obstacles, self.regions, self.extent, side)
+
+    def slid(self, share):
+        """The start further along the first leg, or None."""
+        if len(self.prefix) < 2:
+            return None
+        moved = self.prefix[0] + share * (self.prefix[1] - self.prefix[0])
+        passed = grow(path(np.stack([self.prefix[0], moved]) * self.side, self.side))
+        if len(np.unique(self.codes[passed] >> 1)) > 1 or self.codes[cell(moved, self.side)] & 1:
+            return None
+        return moved
+
+    def raster(self, start, columns):
+        """The network's input, (1 + labels, side, side)."""
+        status = (self.codes & 1).astype(np.float32)
+        status[cell(start, self.side)] = -1
+        out = [status]
+        for channel in columns:
+            used = channel < len(self.order)
+            out.append(self.codes >> (1 + self.order[channel]) & 1 if used else np.zeros_like(self.codes))
+        return np.stack(out).astype(np.float32)
+
+    def cells(self, prefix, suffix, entries):
+        """The marks at 200×200 of a path, and around its entries (x, y, region) into regions."""
+        free = map_codes(self.obstacles, [], self.extent, 200) & 1 == 0
+        marks = path(prefix * 200, 200)
+        if suffix:
+            marks |= path(self.suffix * 200, 200)
+        marks = grow(marks)
+        centre = (np.arange(200) + 0.5) / 200
+        for x, y, region in entries:
+            disc = (centre[:, None] - x) ** 2 + (centre[None] - y) ** 2 <= 0.04**2
+            marks |= disc & polygon(self.regions[int(region)] * 200, 200)
+        return marks & free
+
+    def heat(self, prefix, suffix=True, entries=(), spread=None):
+        """The target, (side, side)."""
+        if spread is None:
+            factor = 200 // self.side
+            marks = self.cells(prefix, suffix, entries).astype(np.float32)
+            return marks.reshape(self.side, factor, self.side, factor).sum((1, 3)) / factor**2
+        centre = (np.arange(self.side) + 0.5) / self.side
+        out = np.zeros((self.side, self.side))
+        for x, y in [*self.prefix[1:], *self.suffix]:
+            along, across = (np.exp(-0.5 * ((centre - at) / spread) ** 2) for at in (x, y))
+            out = np.maximum(out, np.outer(along, across))
+        return out * (self.codes & 1 == 0)

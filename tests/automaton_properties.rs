@@ -73,7 +73,7 @@ fn check(formula: &Formula, alphabet: &Arc<Alphabet>, rng: &mut ChaCha8Rng) -> N
 fn automata_agree_with_semantics_over_disjoint_regions() {
     let alphabet = Arc::new(Alphabet::disjoint(names(4)).unwrap());
     let mut rng = ChaCha8Rng::seed_from_u64(100);
-    for f in sample(1, 400 * scale(), 4, &Weights::missions()) {
+    for f in sample(1, 3000 * scale(), 4, &Weights::missions()) {
         let nba = check(&f, &alphabet, &mut rng);
         if nba.len() <= 4 {
             let invariant = nba.is_stutter_invariant(&Limits::default());
@@ -92,7 +92,7 @@ fn automata_agree_with_semantics_over_disjoint_regions() {
 fn automata_agree_with_semantics_over_all_letters() {
     let alphabet = Arc::new(Alphabet::powerset(names(3)).unwrap());
     let mut rng = ChaCha8Rng::seed_from_u64(200);
-    for f in sample(2, 400 * scale(), 3, &Weights::uniform()) {
+    for f in sample(2, 3000 * scale(), 3, &Weights::uniform()) {
         let nba = check(&f, &alphabet, &mut rng);
         let back = read_hoa(&nba.to_hoa(None), alphabet.clone(), &Limits::default());
         assert_eq!(back.as_ref(), Ok(&nba.with_one_initial()), "{f}");
@@ -103,7 +103,7 @@ fn automata_agree_with_semantics_over_all_letters() {
 fn inclusion_agrees_with_the_negation() {
     let alphabet = Arc::new(Alphabet::disjoint(names(2)).unwrap());
     let limits = Limits::default();
-    let formulas = sample(3, 60 * scale(), 2, &Weights::uniform());
+    let formulas = sample(3, 300 * scale(), 2, &Weights::uniform());
     let mut included = 0;
     for pair in formulas.windows(2) {
         let of = |f: &Formula| translate(f, alphabet.clone(), &limits).unwrap();
@@ -165,7 +165,7 @@ fn infeasible_missions_are_told_apart() {
     let free = Arc::new(Alphabet::powerset(names(4)).unwrap());
     let limits = Limits::default();
     let mut seen = [0; 3];
-    for f in sample(5, 300 * scale(), 4, &Weights::missions()) {
+    for f in sample(5, 2000 * scale(), 4, &Weights::missions()) {
         let somewhere = !translate(&f, free.clone(), &limits).unwrap().is_empty();
         match Task::from_formula(&f, alphabet.clone(), &limits) {
             Ok(task) => {

@@ -314,7 +314,10 @@ fn arguments_that_make_no_sense_are_refused() {
         ),
         (&["bench", "--trials", "0"], "0 is not in"),
         (&["bench", "--missions", "0"], "0 is not in"),
-        (&["bench", "--gaps", "--cost-trials", "3"], "cannot be used with"),
+        (
+            &["bench", "--gaps", "--cost-trials", "3"],
+            "cannot be used with",
+        ),
     ] {
         let run = nngtl(arguments);
         assert_eq!(run.code, 2, "{run:?}");

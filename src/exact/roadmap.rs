@@ -129,8 +129,9 @@ impl<'w> Roadmap<'w> {
                     continue;
                 };
                 let length = (b.at - a.at).norm();
-                let reversed = word.iter().rev().copied().collect();
-                let (word, back) = (self.words.intern(word), self.words.intern(reversed));
+                let mut back = word.clone();
+                back.reverse();
+                let (word, back) = (self.words.intern(&word), self.words.intern(&back));
                 let edge = |to, word, back| Edge {
                     to,
                     length,
@@ -151,8 +152,9 @@ impl<'w> Roadmap<'w> {
                 continue;
             }
             if let Some(word) = word_of(self.workspace, start, node.at) {
-                let reversed = word.iter().rev().copied().collect();
-                let (word, back) = (words.intern(word), words.intern(reversed));
+                let mut back = word.clone();
+                back.reverse();
+                let (word, back) = (words.intern(&word), words.intern(&back));
                 edges.push(Edge {
                     to: i as u32,
                     length: (node.at - start).norm(),

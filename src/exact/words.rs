@@ -23,13 +23,13 @@ pub(super) struct Words {
 }
 
 impl Words {
-    pub(super) fn intern(&mut self, word: Vec<Letter>) -> WordId {
-        if let Some(&id) = self.numbers.get(&word) {
+    pub(super) fn intern(&mut self, word: &[Letter]) -> WordId {
+        if let Some(&id) = self.numbers.get(word) {
             return id;
         }
         let id = WordId(self.words.len() as u32);
-        self.words.push(word.clone());
-        self.numbers.insert(word, id);
+        self.words.push(word.to_vec());
+        self.numbers.insert(word.to_vec(), id);
         id
     }
 

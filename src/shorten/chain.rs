@@ -1,9 +1,9 @@
 //! The path as a chain of points, and its local refinement.
 
 use nalgebra::{Point2, Vector2};
-use smallvec::SmallVec;
+use smallvec::{SmallVec, smallvec};
 
-use super::pull::{least, mirror, star_point, taut};
+use super::pull::{Line, least, mirror, star_point, taut};
 use super::{Shortener, inward_normal, word_of};
 use crate::plan::Path;
 
@@ -35,11 +35,16 @@ pub(crate) struct Chain {
 }
 
 /// A path's classes of letters in a row, neighbours different.
-pub(super) type Word = Vec<u16>;
+pub(super) type Word = SmallVec<[u16; 16]>;
 
 /// The point at the other end of a leg, with the leg's share of the cost.
 type Neighbour = (Point2<f64>, f64);
 pub(super) type Neighbours = SmallVec<[Neighbour; 3]>;
+
+/// The legs to a point, from its neighbours.
+type Legs = SmallVec<[Line; 3]>;
+/// Where a point might go, with its length there.
+type Places = SmallVec<[(f64, Point2<f64>); 16]>;
 
 impl Chain {
     /// The points of a plan, without waits.
@@ -97,8 +102,8 @@ impl Shortener<'_> {
     }
 
     fn sweep(&self, chain: &mut Chain, sweeps: usize) {
-        // Places where nothing could be gained: nothing can be as long as the neighbours stay.
-        let mut still: Vec<(Point2<f64>, Neighbours)> = Vec::new();
+        let mut still = self.still.borrow_mut();
+        still.clear();
         for _ in 0..sweeps {
             let mut moved = false;
             let mut i = 1;
@@ -173,7 +178,7 @@ impl Shortener<'_> {
         let now = (at - before).norm() + (after - at).norm();
         let mut known = None;
         for corners in [&self.corners, &self.all_corners] {
-            let mut string = vec![before];
+            let mut string: Line = smallvec![before];
             string.extend(taut(before, at, after, corners));
             string.push(after);
             let inner = string.len() - 2;
@@ -223,12 +228,11 @@ impl Shortener<'_> {
             let free = star_point([a, b, c], [v, w, x]);
             places.push((star(free), free));
         }
-        places.retain(|&(l, _)| l < now - self.min_gain);
+        places.retain(|&mut (l, _)| l < now - self.min_gain);
         if places.is_empty() {
             return false;
         }
-        let straight: Vec<Vec<Point2<f64>>> =
-            neighbours.iter().map(|&(n, _)| vec![n, at]).collect();
+        let straight: Legs = neighbours.iter().map(|&(n, _)| smallvec![n, at]).collect();
         let Some(words) = self.star_words(&straight) else {
             return false;
         };
@@ -239,7 +243,7 @@ impl Shortener<'_> {
                 if star(p) >= now - self.min_gain || !self.is_firm(p) {
                     continue;
                 }
-                let legs: Vec<Vec<Point2<f64>>> = neighbours
+                let legs: Legs = neighbours
                     .iter()
                     .map(|&(n, _)| self.leg(n, at, p))
                     .collect();
@@ -262,8 +266,8 @@ impl Shortener<'_> {
     }
 
     /// From a neighbour to the new place of a point, which is free: straight if the way is, else taut.
-    fn leg(&self, from: Point2<f64>, at: Point2<f64>, to: Point2<f64>) -> Vec<Point2<f64>> {
-        let mut leg = vec![from];
+    fn leg(&self, from: Point2<f64>, at: Point2<f64>, to: Point2<f64>) -> Line {
+        let mut leg: Line = smallvec![from];
         if !self.map.is_free_between(from, to) {
             leg.extend(taut(from, at, to, &self.corners));
         }
@@ -294,14 +298,14 @@ impl Shortener<'_> {
 
     /// What must stay the same when a point moves: for an inner point the word past it, for
     /// others the word on each of its legs. Legs lead from the neighbours to the point.
-    fn star_words(&self, legs: &[Vec<Point2<f64>>]) -> Option<Vec<Word>> {
+    fn star_words(&self, legs: &[Line]) -> Option<SmallVec<[Word; 3]>> {
         if let [before, after] = legs {
-            let through: Vec<Point2<f64>> = before
+            let through: Line = before
                 .iter()
                 .chain(after.iter().rev().skip(1))
                 .copied()
                 .collect();
-            return Some(vec![self.word(&through)?]);
+            return Some(smallvec![self.word(&through)?]);
         }
         legs.iter().map(|leg| self.word(leg)).collect()
     }
@@ -324,9 +328,9 @@ impl Shortener<'_> {
         &self,
         at: Point2<f64>,
         best: &impl Fn(Point2<f64>, Point2<f64>) -> (f64, Point2<f64>),
-    ) -> Vec<(f64, Point2<f64>)> {
+    ) -> Places {
         let reach = Vector2::repeat(REACH * self.map.bounds().side());
-        let mut places = Vec::new();
+        let mut places = Places::new();
         for polygon in &self.regions {
             let (min, max) = (polygon.min() - reach, polygon.max() + reach);
             if at.x < min.x || at.y < min.y || at.x > max.x || at.y > max.y {
@@ -347,8 +351,8 @@ impl Shortener<'_> {
 }
 
 /// Puts point `i` at `p`, with the inner points of the legs from its neighbours.
-fn place_legs(chain: &mut Chain, i: usize, p: Point2<f64>, legs: &[Vec<Point2<f64>>]) {
-    let inner = |leg: &[Point2<f64>]| leg[1..leg.len() - 1].to_vec();
+fn place_legs(chain: &mut Chain, i: usize, p: Point2<f64>, legs: &[Line]) {
+    let inner = |leg: &Line| Line::from_slice(&leg[1..leg.len() - 1]);
     // The leg from the last point back to the split ends the chain.
     if let Some(closing) = legs.get(2) {
         chain.points.extend(inner(closing));

@@ -24,6 +24,7 @@ mod word;
 use std::cell::RefCell;
 
 use nalgebra::{Point2, Vector2};
+use smallvec::SmallVec;
 
 use crate::alphabet::{Letter, LetterSet, Props};
 use crate::automaton::Task;
@@ -31,6 +32,7 @@ use crate::plan::{Cost, Path};
 use crate::workspace::{Polygon, Workspace};
 
 pub(crate) use chain::Chain;
+use chain::Neighbours;
 use enter::Walk;
 pub(crate) use pull::star_point;
 use word::KnownWords;
@@ -63,6 +65,8 @@ pub struct Shortener<'a> {
     inset: f64,
     min_gain: f64,
     words: RefCell<KnownWords>,
+    /// Places where nothing could be gained: nothing can be as long as the neighbours stay. A buffer.
+    still: RefCell<Vec<(Point2<f64>, Neighbours)>>,
 }
 
 impl<'a> Shortener<'a> {
@@ -121,6 +125,7 @@ impl<'a> Shortener<'a> {
             inset,
             min_gain: MIN_GAIN * side,
             words: RefCell::default(),
+            still: RefCell::default(),
         }
     }
 
@@ -176,10 +181,11 @@ impl<'a> Shortener<'a> {
         [&path.prefix, &path.suffix].into_iter().all(|part| {
             let class = |letter: Letter| self.classes[letter.index()];
             let letters = part.iter().filter_map(|w| self.map.letter_at(w.at));
-            let mut said: Vec<u16> = letters.map(class).collect();
-            let mut seen: Vec<u16> = Vec::new();
+            let mut said: SmallVec<[u16; 32]> = letters.map(class).collect();
+            let mut seen: SmallVec<[u16; 32]> = SmallVec::new();
             for w in part.windows(2) {
-                match self.map.trace(w[0].at, w[1].at) {
+                let ends = [w[0].at, w[1].at].map(|at| (at, self.map.locate(at)));
+                match self.map.trace_located(ends) {
                     Ok(_) if w[0].at == w[1].at => {}
                     Ok(stretches) => seen.extend(stretches.iter().map(|s| class(s.letter))),
                     Err(_) => return false,

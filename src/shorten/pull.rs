@@ -1,6 +1,10 @@
 //! Taut strings, and points where legs meet.
 
 use nalgebra::Point2;
+use smallvec::SmallVec;
+
+/// Points in a row; mostly few, so that they need no memory of their own.
+pub(super) type Line = SmallVec<[Point2<f64>; 8]>;
 
 /// Rounds of [`star_point`]: it is flat around the best place.
 const ROUNDS: usize = 60;
@@ -14,10 +18,10 @@ pub(super) fn taut(
     at: Point2<f64>,
     b: Point2<f64>,
     corners: &[Point2<f64>],
-) -> Vec<Point2<f64>> {
+) -> Line {
     let area = (b - a).perp(&(at - a));
     if area == 0.0 {
-        return Vec::new();
+        return Line::new();
     }
     let side = area.signum();
     // How far to the side of `at` a point lies from the line `pq`, times the length of `pq`.
@@ -33,10 +37,10 @@ pub(super) fn taut(
             && above(a, at, **c) <= slack
             && above(at, b, **c) <= slack
     };
-    let mut left: Vec<Point2<f64>> = corners.iter().filter(inside).copied().collect();
-    left.retain(|&c| c != a && c != b);
+    let mut left: Line = corners.iter().filter(inside).copied().collect();
+    left.retain(|&mut c| c != a && c != b);
     // Gift wrapping on the side of `at`.
-    let mut found = Vec::new();
+    let mut found = Line::new();
     let mut p = a;
     while !left.is_empty() {
         let mut next = b;
@@ -50,7 +54,7 @@ pub(super) fn taut(
             break;
         }
         found.push(next);
-        left.retain(|&c| c != next);
+        left.retain(|&mut c| c != next);
         p = next;
     }
     found

@@ -1,7 +1,7 @@
 //! The letters that a segment meets.
 
 use nalgebra::Point2;
-use smallvec::SmallVec;
+use smallvec::{SmallVec, smallvec};
 
 use crate::alphabet::Letter;
 use crate::workspace::Workspace;
@@ -11,6 +11,9 @@ const KEPT: usize = 16;
 
 /// The classes of letters along a segment; `None` as for [`word_of`].
 type Letters = Option<SmallVec<[u16; 4]>>;
+
+/// Letters along a segment, each with a point of it; few of them, so that looking at a segment allocates nothing.
+pub(crate) type Pieces = SmallVec<[(Letter, Point2<f64>); 6]>;
 
 /// What is known of the segments that were asked for last: each leg of a path is asked for by both of its points.
 #[derive(Clone, Debug, Default)]
@@ -49,23 +52,19 @@ pub(crate) fn word_of(
     workspace: &Workspace,
     a: Point2<f64>,
     b: Point2<f64>,
-) -> Option<Vec<Letter>> {
+) -> Option<SmallVec<[Letter; 6]>> {
     let pieces = pieces(workspace, a, b)?;
     Some(pieces.into_iter().map(|(letter, _)| letter).collect())
 }
 
 /// As [`word_of`], with a point of the segment for each letter: the ends for the first and the last,
 /// the middle of the piece for those between.
-pub(crate) fn pieces(
-    workspace: &Workspace,
-    a: Point2<f64>,
-    b: Point2<f64>,
-) -> Option<Vec<(Letter, Point2<f64>)>> {
+pub(crate) fn pieces(workspace: &Workspace, a: Point2<f64>, b: Point2<f64>) -> Option<Pieces> {
     let ends = [a, b].map(|at| (at, workspace.locate(at)));
     let [from, to] = ends.map(|(_, place)| place.letter());
     let (from, to) = (from?, to?);
     let stretches = workspace.trace_located(ends).ok()?;
-    let mut found = vec![(from, a)];
+    let mut found: Pieces = smallvec![(from, a)];
     for (i, stretch) in stretches.iter().enumerate() {
         if found.last().is_some_and(|last| last.0 == stretch.letter) {
             continue;

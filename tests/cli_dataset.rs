@@ -57,3 +57,49 @@ fn help_and_refusal_tell_how_small_sets_and_parts_may_be() {
     let says = "a part is at least a shard of 100 maps (600 missions), of which there are 3";
     assert!(run.err.contains(says), "{run:?}");
 }
+
+/// Parts that several machines made become one set, in whatever order they are named.
+#[test]
+fn parts_are_put_together() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let (one, two, merged) = (at("one"), at("two"), at("merged"));
+    for (out, part) in [(&one, "1/2"), (&two, "2/2")] {
+        let arguments = ["--missions", "1200", "--families", "small", "--part", part];
+        let run = generate(out, &[&arguments[..], &["-q"]].concat());
+        assert_eq!(run.code, 0, "{run:?}");
+    }
+    let run = nngtl(&["dataset", "merge", "--out", &merged, &two, &one]);
+    assert_eq!(run.code, 0, "{run:?}");
+    assert!(
+        run.out.contains("1200 missions on 200 maps in 2 shards"),
+        "{run:?}"
+    );
+    for (part, shard) in [
+        (&one, "shard-00000.jsonl.gz"),
+        (&two, "shard-00001.jsonl.gz"),
+    ] {
+        let [there, here] = [part, &merged]
+            .map(|set| std::fs::read(std::path::Path::new(set).join(shard)).unwrap());
+        assert!(there == here, "{shard} differs");
+    }
+    let (half, nowhere) = (at("half"), at("nowhere"));
+    let run = nngtl(&["dataset", "merge", "--out", &half, &two, &nowhere]);
+    assert_eq!(run.code, 2, "{run:?}");
+    assert!(run.err.contains("nowhere"), "{run:?}");
+    assert!(!std::path::Path::new(&half).join("manifest.json").exists());
+}
+
+/// The paper's expert is another set: the manifest says so, and its plans cost no less than the exact planner's by much.
+#[test]
+fn the_papers_expert_makes_sets_too() {
+    let folder = folder();
+    let out = folder.path().join("set").display().to_string();
+    let arguments = ["--missions", "6", "--seed", "5", "--expert", "tl-rrt-star"];
+    let run = generate(&out, &arguments);
+    assert_eq!(run.code, 0, "{run:?}");
+    assert!(run.out.contains("6 missions on 1 maps"), "{run:?}");
+    let other = generate(&out, &arguments[..4]);
+    assert_eq!(other.code, 2, "{other:?}");
+    assert!(other.err.contains("expert"), "{other:?}");
+}

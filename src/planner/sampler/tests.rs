@@ -337,3 +337,40 @@ fn a_node_on_a_corner_goes_on_to_the_next() {
         );
     }
 }
+
+/// Points of a large tree come along a curve, and lie all over the map as those of a small one do.
+#[test]
+fn uniform_points_of_large_trees_are_neighbours() {
+    let world = world(Vec::new());
+    let settings = Settings::default();
+    let points = |further: &[Point2<f64>]| -> Vec<Point2<f64>> {
+        let found = draws(&world, &settings, &Sampler::Uniform, further);
+        found.into_iter().map(|(at, _)| at).collect()
+    };
+    let mut random = generator(3, 1);
+    let further: Vec<_> = (0..9_000)
+        .map(|_| world.0.sample_free(&mut random))
+        .collect();
+    let (small, large) = (points(&further[..100]), points(&further));
+    let step = |points: &[Point2<f64>]| {
+        let steps = points.windows(2).map(|w| (w[1] - w[0]).norm());
+        steps.sum::<f64>() / (points.len() - 1) as f64
+    };
+    assert!(step(&small) > 0.4, "{}", step(&small));
+    assert!(step(&large) < 0.05, "{}", step(&large));
+    // A batch is a quarter of the tree, of which what is drawn here is the greater part.
+    let count = |points: &[Point2<f64>]| {
+        let mut cells = [0; 16];
+        for at in points {
+            cells[(at.x * 4.0) as usize * 4 + (at.y * 4.0) as usize] += 1;
+        }
+        cells
+    };
+    let expected = 9_000.0 / 4.0 / 16.0;
+    let even = |n: &&i32| (f64::from(**n) - expected).abs() < 0.3 * expected;
+    assert!(
+        count(&large).iter().filter(even).count() >= 13,
+        "{:?}",
+        count(&large)
+    );
+}

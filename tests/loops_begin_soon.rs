@@ -33,6 +33,35 @@ fn an_ordered_patrol_is_entered_where_the_robot_meets_it() {
     }
 }
 
+/// Where a unit of the prefix costs as much as one of the suffix, or more, the first round is part of the loop: it begins at the start,
+/// for every planner.
+#[test]
+fn a_round_begins_at_the_start_where_the_prefix_is_dear() {
+    for (task, round) in [
+        ("G F a & G F b", 9.0),
+        ("G F (a & F b) & (!b U a)", 9.0),
+        ("F G !c & G F a & G F b", 9.0),
+    ] {
+        let mut scenario = scenario(corridor(), Point2::new(0.5, 0.5), task);
+        scenario.weight = 0.9;
+        for sampler in [SamplerChoice::Exact, SamplerChoice::Directed] {
+            let planned = mission::plan(&scenario, &options(sampler, 1_000)).unwrap();
+            let cost = planned.verified.cost;
+            assert!(
+                (cost.total / (0.1 * round) - 1.0).abs() < 0.02,
+                "{task} {sampler:?}: {cost:?}"
+            );
+            // A bound beside a plan holds for it.
+            if let Some(bound) = planned.file.bound {
+                assert!(
+                    bound.cost <= cost.total + 1e-9,
+                    "{task}: {bound:?}, {cost:?}"
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn a_first_plan_is_left_as_it_was_found() {
     let scenario = scenario(

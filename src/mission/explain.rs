@@ -16,9 +16,9 @@ use crate::workspace::{Enclosure, Workspace};
 
 use crossing::Crossing;
 
-/// Formulas over more regions than this are not explained in detail: there are automata to make over all sets of the
+/// Parts of formulas over more regions than this are not explained in detail: there are automata to make over all sets of the
 /// regions.
-const MAX_REGIONS: usize = 12;
+const MAX_REGIONS: usize = 7;
 
 /// Obstacles that are named in a sentence at most.
 const NAMED: usize = 8;
@@ -86,18 +86,48 @@ impl NotOnThisMap {
     /// Finds the facts of the map that rule out a formula.
     #[must_use]
     pub fn new(formula: &Formula, alphabet: &Alphabet) -> Self {
+        Self::by_facts(formula, alphabet).unwrap_or(Self {
+            facts: Vec::new(),
+            letters: alphabet.len(),
+        })
+    }
+
+    /// As [`Self::new`], of a formula that may be satisfied on the map: `None` if no facts about single regions and pairs are found that
+    /// rule it out. Conjuncts are looked at alone and in pairs before the formula as a whole: mostly one of them asks for what
+    /// the map does not have, and it names few regions.
+    pub(super) fn by_facts(formula: &Formula, alphabet: &Alphabet) -> Option<Self> {
+        let mut conjuncts = Vec::new();
+        collect_conjuncts(formula, &mut conjuncts);
+        let pairs = (0..conjuncts.len()).flat_map(|i| {
+            let rest = &conjuncts[i + 1..];
+            let first = conjuncts[i];
+            rest.iter()
+                .map(move |&second| first.clone().and(second.clone()))
+        });
+        let parts = conjuncts.iter().map(|&part| part.clone());
+        let mut parts = parts.chain(pairs).chain([formula.clone()]);
+        parts.find_map(|part| Self::of_part(&part, alphabet))
+    }
+
+    /// The facts that rule out a part of the formula.
+    fn of_part(formula: &Formula, alphabet: &Alphabet) -> Option<Self> {
         let names = formula.propositions();
         let regions: Vec<usize> = names
             .iter()
             .filter_map(|name| alphabet.proposition(name))
             .collect();
+        if regions.len() < names.len() || regions.len() > MAX_REGIONS {
+            return None;
+        }
         let facts = Fact::all(alphabet, &regions);
-        let complete = regions.len() == names.len() && regions.len() <= MAX_REGIONS;
         let rules_out = |facts: &[Fact]| rule_out(facts, formula, alphabet);
-        let facts = match complete && rules_out(&facts) {
-            true => needed(&facts, &rules_out),
-            false => Vec::new(),
-        };
+        if !rules_out(&facts) {
+            return None;
+        }
+        let facts = needed(&facts, &rules_out);
+        if facts.is_empty() {
+            return None;
+        }
         let name = |i: usize| alphabet.propositions()[i].clone();
         let named = |fact: &Fact| match *fact {
             Fact::Never(i) => LetterFact::Hidden { region: name(i) },
@@ -111,10 +141,10 @@ impl NotOnThisMap {
             },
             Fact::Some => LetterFact::Covered,
         };
-        Self {
+        Some(Self {
             facts: facts.iter().map(named).collect(),
             letters: alphabet.len(),
-        }
+        })
     }
 
     fn reason(&self) -> String {
@@ -126,6 +156,17 @@ impl NotOnThisMap {
         }
         let facts: Vec<String> = self.facts.iter().map(ToString::to_string).collect();
         join(&facts)
+    }
+}
+
+/// What has to hold together.
+fn collect_conjuncts<'f>(formula: &'f Formula, into: &mut Vec<&'f Formula>) {
+    match formula {
+        Formula::And(a, b) => {
+            collect_conjuncts(a, into);
+            collect_conjuncts(b, into);
+        }
+        other => into.push(other),
     }
 }
 

@@ -5,6 +5,8 @@
 //! that round is prefix though it is walked like the others; and with `X` the first step often is. The checker evaluates the
 //! formula on the word of a path and knows no states, so it tells where the loop may begin.
 
+mod rounds;
+
 use nalgebra::Point2;
 
 use super::check;
@@ -28,22 +30,62 @@ struct Entry {
     at: Point2<f64>,
 }
 
-/// The cheapest plan that enters the loop of `path` elsewhere and passes the checker, if there is one that costs less.
+/// How often a plan that was made cheaper is looked at again.
+const AGAIN: usize = 4;
+
+/// A plan that enters the loop of `path` elsewhere, or goes a round that begins earlier, and passes the checker, if there is one that
+/// costs less.
 ///
-/// Its suffix has the automaton states of `path`'s, which the run reaches after a round or more.
+/// Its suffix has the automaton states of `path`'s, which the run reaches after a round or more, or those of the first round.
 pub(super) fn fold(
     scenario: &Scenario,
     task: &Task,
     path: &Path,
     known: &Verified,
 ) -> Option<(Path, Verified)> {
-    let cost = known.cost;
-    if path.suffix.len() < 2 || scenario.weight <= 0.0 {
+    if scenario.weight <= 0.0 {
         return None;
     }
+    let mut best: Option<(Path, Verified)> = None;
+    for _ in 0..AGAIN {
+        let (path, known) = best.as_ref().map_or((path, known), |(p, v)| (p, v));
+        let Some(cheaper) = fold_once(scenario, task, path, known) else {
+            break;
+        };
+        best = Some(cheaper);
+    }
+    best
+}
+
+/// The cheaper one of the best other entry and the best earlier round.
+fn fold_once(
+    scenario: &Scenario,
+    task: &Task,
+    path: &Path,
+    known: &Verified,
+) -> Option<(Path, Verified)> {
     let seen = Seen::new(scenario, task, path);
+    let entered = enter(scenario, task, path, known, seen.as_ref());
+    let known = entered.as_ref().map_or(known, |(_, verified)| verified);
+    let seen = seen.as_ref();
+    let begun = seen.and_then(|seen| rounds::begin_earlier(scenario, task, path, known, seen));
+    begun.or(entered)
+}
+
+/// The cheapest plan that enters the loop elsewhere.
+fn enter(
+    scenario: &Scenario,
+    task: &Task,
+    path: &Path,
+    known: &Verified,
+    seen: Option<&Seen<'_>>,
+) -> Option<(Path, Verified)> {
+    let cost = known.cost;
+    if path.suffix.len() < 2 {
+        return None;
+    }
     let tried = entries(scenario, path, known).into_iter().take(ENTRIES);
-    let mut plausible = tried.filter(|e| seen.as_ref().is_none_or(|s| s.allows(path, e)));
+    let mut plausible = tried.filter(|e| seen.is_none_or(|s| s.allows(path, e)));
     plausible.find_map(|entry| {
         let folded = entry.path(path);
         let verified = check(scenario, task, &folded, None).ok()?;

@@ -181,6 +181,13 @@ pub fn task_within(scenario: &Scenario, limits: &Limits) -> Result<Task, Mission
         Err(TaskError::NotWithTheseLetters { .. }) => {
             Err(NotOnThisMap::new(&scenario.formula, &letters).into())
         }
+        // A mission too large to translate can be impossible for a reason that is seen at once.
+        Err(TaskError::Translate(why)) => {
+            match NotOnThisMap::by_facts(&scenario.formula, &letters) {
+                Some(impossible) => Err(impossible.into()),
+                None => Err(TaskError::Translate(why).into()),
+            }
+        }
         other => Ok(other?),
     }
 }
@@ -332,9 +339,32 @@ fn exact(scenario: &Scenario, task: &Task, options: &Options) -> Result<Planned,
     let search = began.elapsed().as_secs_f64();
     let bound = bound(scenario, task, cost.total);
     let (path, verified) = folded(scenario, task, path, &cost)?;
+    let total = verified.cost.total;
+    let mut notices: Vec<String> = guide::unused_by(options.device, "exact")
+        .into_iter()
+        .collect();
+    // A plan that is none of the product can cost less than all of those.
+    let bound = bound.filter(|bound| {
+        let holds = total >= bound.cost;
+        if !holds {
+            notices.push(format!(
+                "no lower bound is told: the plan begins its loop sooner than any in the product of map and automaton, which cost {:.4} or more",
+                bound.cost
+            ));
+        }
+        holds
+    });
+    let gap = |bound: Bound| Bound {
+        gap: if total > 0.0 {
+            total / bound.cost - 1.0
+        } else {
+            0.0
+        },
+        ..bound
+    };
     let mut file = file(scenario, task, &path, verified.cost);
     file.sampler = Some("exact".to_owned());
-    file.bound = bound;
+    file.bound = bound.map(gap);
     let seconds = StageSeconds {
         search,
         total: began.elapsed().as_secs_f64(),
@@ -350,9 +380,7 @@ fn exact(scenario: &Scenario, task: &Task, options: &Options) -> Result<Planned,
         file,
         guidance: None,
         edges: Vec::new(),
-        notices: guide::unused_by(options.device, "exact")
-            .into_iter()
-            .collect(),
+        notices,
     })
 }
 

@@ -57,6 +57,25 @@ fn a_plan_is_printed_written_drawn_and_verified() {
     );
 }
 
+/// What `plan --json` prints is a plan to those that read one, from a pipe too, and repairs keep its weight.
+#[test]
+fn results_are_plans_and_keep_their_weight() {
+    let folder = folder();
+    let result = folder.path().join("result.json");
+    let run = plan("case-study.toml", &["--json", "-q", "--weight", "0.7"]);
+    assert_eq!(run.code, 0, "{run:?}");
+    std::fs::write(&result, &run.out).unwrap();
+    let shipped = shipped("case-study.toml");
+    let mut verify = command();
+    verify.args(["verify", &shipped, "-"]);
+    let verified = finish(verify.stdin(std::fs::File::open(&result).unwrap()));
+    assert_eq!(verified.code, 0, "{verified:?}");
+    assert!(verified.out.contains("= 0.7 ×"), "{verified:?}");
+    let repaired = nngtl(&["replan", &shipped, &result.display().to_string(), "--json"]).json();
+    assert_eq!(repaired["plan"]["weight"], 0.7);
+    assert_eq!(repaired["plan"]["cost"], run.json()["plan"]["cost"]);
+}
+
 #[test]
 fn a_plan_that_was_tampered_with_is_refused_with_the_reason() {
     let folder = folder();

@@ -27,8 +27,8 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
     let search = |stop: &Stop, observe: &mut dyn FnMut(Progress)| {
         mission::plan_task(&scenario, task, &options, stop, observe)
     };
-    let mut planned = watched(&scenario, &options, console, search)?;
-    finish(&mut planned, began, translate, console);
+    let (mut planned, early) = watched(&scenario, &options, console, search)?;
+    finish(&mut planned, early, began, translate, console);
     write_files(args, &scenario, &planned, &[], console)?;
     let text = if console.json() {
         format!("{}\n", to_json(args, &scenario, &planned))
@@ -64,8 +64,25 @@ pub(super) fn read(args: &PlanArgs, console: &Console) -> Result<(Scenario, Task
     Ok((scenario, task, translated.elapsed().as_secs_f64()))
 }
 
+/// Whether a search was ended by an interrupt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ended {
+    Early,
+    ByItself,
+}
+
 /// Completes the statistics, and says what a user should know.
-pub(super) fn finish(planned: &mut Planned, began: Instant, translate: f64, console: &Console) {
+pub(super) fn finish(
+    planned: &mut Planned,
+    ended: Ended,
+    began: Instant,
+    translate: f64,
+    console: &Console,
+) {
+    if ended == Ended::Early {
+        let says = "interrupted: this is the best so far".to_owned();
+        planned.notices.push(says);
+    }
     if let Some(stats) = &mut planned.file.stats {
         stats.seconds.translate = translate;
         stats.seconds.total = began.elapsed().as_secs_f64();
@@ -121,7 +138,7 @@ pub(super) fn watched<T>(
     options: &Options,
     console: &Console,
     search: impl FnOnce(&Stop, &mut dyn FnMut(Progress)) -> Result<T, MissionError>,
-) -> Result<T, Failure> {
+) -> Result<(T, Ended), Failure> {
     // The exact planner has nothing to show before its end: an interrupt ends it, and the program.
     let stop = match options.sampler {
         SamplerChoice::Exact => Stop::new(),
@@ -137,17 +154,19 @@ pub(super) fn watched<T>(
         }
     });
     bar.finish_and_clear();
-    if stop.is_raised() {
-        console.warn("interrupted: this is the best so far");
-    }
-    planned.map_err(|e| match e {
+    let ended = match stop.is_raised() {
+        true => Ended::Early,
+        false => Ended::ByItself,
+    };
+    let found = planned.map_err(|e| match e {
         MissionError::Plan(PlanError::NotFound(found)) => {
             found.notices.iter().for_each(|notice| console.warn(notice));
             let missing: Vec<String> = found.missing.iter().map(|l| alphabet.show(l)).collect();
             not_found(scenario, &found, &missing)
         }
         other => Failure::from(other),
-    })
+    });
+    Ok((found?, ended))
 }
 
 fn not_found(scenario: &Scenario, found: &NotFound, missing: &[String]) -> Failure {

@@ -22,6 +22,9 @@ pub(super) fn run(args: &ReplanArgs, console: &Console) -> Result<(), Failure> {
         let stands_in = format!("the task of {}", args.old.display());
         wanted.mission.task_of = Some(stands_in.into());
     }
+    if wanted.mission.weight.is_none() {
+        wanted.mission.weight = old.weight.filter(|w| (0.0..=1.0).contains(w));
+    }
     let (scenario, task, translate) = plan::read(&wanted, console)?;
     let skills = match &args.library {
         Some(path) => {
@@ -43,8 +46,8 @@ pub(super) fn run(args: &ReplanArgs, console: &Console) -> Result<(), Failure> {
             observe,
         )
     };
-    let (mut planned, change) = plan::watched(&scenario, &options, console, search)?;
-    plan::finish(&mut planned, began, translate, console);
+    let ((mut planned, change), ended) = plan::watched(&scenario, &options, console, search)?;
+    plan::finish(&mut planned, ended, began, translate, console);
     plan::write_files(&args.plan, &scenario, &planned, &[], console)?;
     let told = match change {
         Change::None => "none: the plan still holds".to_owned(),

@@ -44,8 +44,8 @@ pub(super) fn run(args: &TransferArgs, console: &Console) -> Result<(), Failure>
     let search = |stop: &Stop, observe: &mut dyn FnMut(Progress)| {
         mission::transfer_task(&scenario, task, skills, &options, stop, observe)
     };
-    let (mut planned, reused) = plan::watched(&scenario, &options, console, search)?;
-    plan::finish(&mut planned, began, translate, console);
+    let ((mut planned, reused), ended) = plan::watched(&scenario, &options, console, search)?;
+    plan::finish(&mut planned, ended, began, translate, console);
     let mut legs = reused_legs(&planned.path.prefix, &reused.prefix_legs);
     legs.extend(reused_legs(&planned.path.suffix, &reused.suffix_legs));
     plan::write_files(&args.plan, &scenario, &planned, &legs, console)?;

@@ -219,7 +219,7 @@ impl PlanFile {
         }
     }
 
-    /// Reads a plan file.
+    /// Reads a plan file, or standard input if the path is `-`. What `nngtl plan --json` prints holds a plan, too.
     ///
     /// # Errors
     /// A file that cannot be read, is too large, is not a plan, or is of another version.
@@ -230,9 +230,15 @@ impl PlanFile {
             source,
         };
         let mut text = Vec::new();
-        File::open(path)
-            .and_then(|file| file.take(MAX_PLAN_BYTES + 1).read_to_end(&mut text))
-            .map_err(failed)?;
+        let read = match path == FilePath::new("-") {
+            true => std::io::stdin()
+                .lock()
+                .take(MAX_PLAN_BYTES + 1)
+                .read_to_end(&mut text),
+            false => File::open(path)
+                .and_then(|file| file.take(MAX_PLAN_BYTES + 1).read_to_end(&mut text)),
+        };
+        read.map_err(failed)?;
         if text.len() as u64 > MAX_PLAN_BYTES {
             let path = path.to_owned();
             return Err(PlanFileError::TooLarge { path });
@@ -245,6 +251,8 @@ impl PlanFile {
         #[derive(Deserialize)]
         struct Version {
             version: u32,
+            /// The plan of a result.
+            plan: Option<serde_json::Value>,
         }
         let syntax = |e: serde_json::Error| {
             let message = e.to_string();
@@ -256,7 +264,10 @@ impl PlanFile {
                 message: message.to_owned(),
             }
         };
-        let Version { version } = serde_json::from_slice(text).map_err(syntax)?;
+        let Version { version, plan } = serde_json::from_slice(text).map_err(syntax)?;
+        if let Some(plan) = plan.filter(serde_json::Value::is_object) {
+            return Self::parse(plan.to_string().as_bytes(), path);
+        }
         if version != PLAN_VERSION {
             let path = path.to_owned();
             let found = version;

@@ -22,6 +22,9 @@ use crate::verify::Verified;
 /// So many rounds are tried at most, the cheapest first.
 const TRIES: usize = 256;
 
+/// So many of them at most come back around obstacles: on maps of thousands of corners each such way takes milliseconds.
+const WALKS: usize = 16;
+
 /// A round from a point of the prefix along the path to a point of the loop, and back from there.
 struct Round {
     /// Its plan's cost if nothing is in the way back.
@@ -44,6 +47,16 @@ pub(super) fn begin_earlier(
     let mut best: Option<(Path, Verified)> = None;
     // Made where the first straight way back is blocked.
     let mut system = None;
+    let mut walks = 0;
+    let mut around = |from, to| {
+        walks += 1;
+        if walks > WALKS {
+            return None;
+        }
+        let map = || Continuous::new(Arc::clone(&scenario.workspace), scenario.start).ok();
+        let system = system.get_or_insert_with(map).as_ref()?;
+        Some(system.shortest_path(from, to)?[1..].to_vec())
+    };
     for round in rounds(scenario, path, known.cost.total)
         .into_iter()
         .take(TRIES)
@@ -55,13 +68,7 @@ pub(super) fn begin_earlier(
         let (from, to) = (path.suffix[round.turn].at, path.prefix[round.begin].at);
         let way = match along(scenario, from, to) {
             Some(_) => Some(vec![to]),
-            None => system
-                .get_or_insert_with(|| {
-                    Continuous::new(Arc::clone(&scenario.workspace), scenario.start).ok()
-                })
-                .as_ref()
-                .and_then(|system| system.shortest_path(from, to))
-                .map(|way| way[1..].to_vec()),
+            None => around(from, to),
         };
         let Some(way) = way.filter(|way| seen.allows_round(path, &round, way)) else {
             continue;

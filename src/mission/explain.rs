@@ -4,6 +4,7 @@ mod crossing;
 
 use std::fmt;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
@@ -19,6 +20,12 @@ use crossing::Crossing;
 /// Parts of formulas over more regions than this are not explained in detail: there are automata to make over all sets of the
 /// regions.
 const MAX_REGIONS: usize = 7;
+
+/// So many pairs of conjuncts are looked at, at most.
+const PAIRS: usize = 256;
+
+/// The time for all translations that an explanation takes.
+const BUDGET: Duration = Duration::from_secs(2);
 
 /// Obstacles that are named in a sentence at most.
 const NAMED: usize = 8;
@@ -83,34 +90,31 @@ pub struct NotOnThisMap {
 }
 
 impl NotOnThisMap {
-    /// Finds the facts of the map that rule out a formula.
+    /// Finds the facts of the map that rule out a formula. Mostly one conjunct asks for what the map does not have, and names few
+    /// regions: so conjuncts are looked at alone and in pairs before the formula as a whole.
     #[must_use]
     pub fn new(formula: &Formula, alphabet: &Alphabet) -> Self {
-        Self::by_facts(formula, alphabet).unwrap_or(Self {
+        let parts = parts(formula).chain([formula.clone()]);
+        Self::by_first(parts, alphabet).unwrap_or(Self {
             facts: Vec::new(),
             letters: alphabet.len(),
         })
     }
 
-    /// As [`Self::new`], of a formula that may be satisfied on the map: `None` if no facts about single regions and pairs are found that
-    /// rule it out. Conjuncts are looked at alone and in pairs before the formula as a whole: mostly one of them asks for what
-    /// the map does not have, and it names few regions.
-    pub(super) fn by_facts(formula: &Formula, alphabet: &Alphabet) -> Option<Self> {
-        let mut conjuncts = Vec::new();
-        collect_conjuncts(formula, &mut conjuncts);
-        let pairs = (0..conjuncts.len()).flat_map(|i| {
-            let rest = &conjuncts[i + 1..];
-            let first = conjuncts[i];
-            rest.iter()
-                .map(move |&second| first.clone().and(second.clone()))
-        });
-        let parts = conjuncts.iter().map(|&part| part.clone());
-        let mut parts = parts.chain(pairs).chain([formula.clone()]);
-        parts.find_map(|part| Self::of_part(&part, alphabet))
+    /// As [`Self::new`], of a formula of which it is not known whether it can be satisfied on the map, as it is too large to
+    /// translate: `None` if no conjunct and no two of them are ruled out.
+    pub(super) fn in_parts(formula: &Formula, alphabet: &Alphabet) -> Option<Self> {
+        Self::by_first(parts(formula), alphabet)
+    }
+
+    /// By the first part that is ruled out, as far as the time reaches.
+    fn by_first(mut parts: impl Iterator<Item = Formula>, alphabet: &Alphabet) -> Option<Self> {
+        let began = Instant::now();
+        parts.find_map(|part| Self::of_part(&part, alphabet, began))
     }
 
     /// The facts that rule out a part of the formula.
-    fn of_part(formula: &Formula, alphabet: &Alphabet) -> Option<Self> {
+    fn of_part(formula: &Formula, alphabet: &Alphabet, began: Instant) -> Option<Self> {
         let names = formula.propositions();
         let regions: Vec<usize> = names
             .iter()
@@ -120,7 +124,13 @@ impl NotOnThisMap {
             return None;
         }
         let facts = Fact::all(alphabet, &regions);
-        let rules_out = |facts: &[Fact]| rule_out(facts, formula, alphabet);
+        let rules_out = |facts: &[Fact]| {
+            let limits = Limits {
+                time: Some(BUDGET.saturating_sub(began.elapsed())),
+                ..Limits::default()
+            };
+            rule_out(facts, formula, alphabet, &limits)
+        };
         if !rules_out(&facts) {
             return None;
         }
@@ -157,6 +167,22 @@ impl NotOnThisMap {
         let facts: Vec<String> = self.facts.iter().map(ToString::to_string).collect();
         join(&facts)
     }
+}
+
+/// The conjuncts of a formula, and each two of them; nothing of one that is no conjunction.
+fn parts(formula: &Formula) -> impl Iterator<Item = Formula> {
+    let mut conjuncts = Vec::new();
+    collect_conjuncts(formula, &mut conjuncts);
+    if conjuncts.len() < 2 {
+        conjuncts.clear();
+    }
+    let single = conjuncts.clone().into_iter().cloned();
+    let pairs = (0..conjuncts.len()).flat_map(move |i| {
+        let (first, rest) = (conjuncts[i], conjuncts[i + 1..].to_vec());
+        let pair = move |second: &Formula| first.clone().and(second.clone());
+        rest.into_iter().map(pair)
+    });
+    single.chain(pairs.take(PAIRS))
 }
 
 /// What has to hold together.
@@ -209,7 +235,7 @@ impl Fact {
 
 /// Whether no word over letters that obey the facts satisfies the formula. What cannot be
 /// translated counts as satisfiable.
-fn rule_out(facts: &[Fact], formula: &Formula, alphabet: &Alphabet) -> bool {
+fn rule_out(facts: &[Fact], formula: &Formula, alphabet: &Alphabet, limits: &Limits) -> bool {
     let names = formula.propositions();
     let regions: Vec<usize> = names
         .iter()
@@ -233,7 +259,7 @@ fn rule_out(facts: &[Fact], formula: &Formula, alphabet: &Alphabet) -> bool {
         .map(|&i| alphabet.propositions()[i].clone())
         .collect();
     Alphabet::new(names, sets).is_ok_and(|letters| {
-        translate(formula, Arc::new(letters), &Limits::default()).is_ok_and(|nba| nba.is_empty())
+        translate(formula, Arc::new(letters), limits).is_ok_and(|nba| nba.is_empty())
     })
 }
 

@@ -183,7 +183,7 @@ pub fn task_within(scenario: &Scenario, limits: &Limits) -> Result<Task, Mission
         }
         // A mission too large to translate can be impossible for a reason that is seen at once.
         Err(TaskError::Translate(why)) => {
-            match NotOnThisMap::by_facts(&scenario.formula, &letters) {
+            match NotOnThisMap::in_parts(&scenario.formula, &letters) {
                 Some(impossible) => Err(impossible.into()),
                 None => Err(TaskError::Translate(why).into()),
             }
@@ -345,7 +345,7 @@ fn exact(scenario: &Scenario, task: &Task, options: &Options) -> Result<Planned,
         .collect();
     // A plan that is none of the product can cost less than all of those.
     let bound = bound.filter(|bound| {
-        let holds = total >= bound.cost;
+        let holds = total >= bound.cost * (1.0 - 1e-9);
         if !holds {
             notices.push(format!(
                 "no lower bound is told: the plan begins its loop sooner than any in the product of map and automaton, which cost {:.4} or more",
@@ -356,7 +356,7 @@ fn exact(scenario: &Scenario, task: &Task, options: &Options) -> Result<Planned,
     });
     let gap = |bound: Bound| Bound {
         gap: if total > 0.0 {
-            total / bound.cost - 1.0
+            (total / bound.cost - 1.0).max(0.0)
         } else {
             0.0
         },

@@ -37,8 +37,37 @@ impl fmt::Debug for Live {
 }
 
 impl Case {
+    /// Lets every contender that can search here do so that often, with seeds that count up from the settings'; contenders take turns as
+    /// the mission has them, and the results stand in their order. `None` as soon as a search says so.
+    pub(super) fn searches<T: Clone>(
+        &self,
+        contenders: &[Contender],
+        settings: &Settings,
+        trials: u64,
+        mut search: impl FnMut(&Contender, &Entrant, &Settings) -> Result<Option<T>, BenchError>,
+    ) -> Result<Option<Vec<T>>, BenchError> {
+        let mut found: Vec<Vec<T>> = vec![Vec::new(); contenders.len()];
+        for turn in self.turns(contenders.len()) {
+            let contender = &contenders[turn];
+            let Some(entrant) = self.entrant(contender, settings)? else {
+                continue;
+            };
+            for k in 0..trials {
+                let settings = Settings {
+                    seed: settings.seed.wrapping_add(k),
+                    ..settings.clone()
+                };
+                let Some(result) = search(contender, &entrant, &settings)? else {
+                    return Ok(None);
+                };
+                found[turn].push(result);
+            }
+        }
+        Ok(Some(found.concat()))
+    }
+
     /// What a contender searches with; `None` if it needs predictions that this mission lacks.
-    pub(super) fn entrant(
+    fn entrant(
         &self,
         contender: &Contender,
         settings: &Settings,

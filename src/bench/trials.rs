@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::entrant::Networks;
+use super::entrant::{Entrant, Networks};
 use super::groups::COMPLEX_FROM;
 use super::{BenchError, Case, Contender, Report};
 use crate::planner::{First, PlanError, Settings, Stats, Stop};
@@ -129,29 +129,20 @@ pub(super) fn of_case(
     comparison: &Comparison,
     stop: &Stop,
 ) -> Result<Option<Vec<Trial>>, BenchError> {
-    let contenders = &comparison.contenders;
-    let mut trials: Vec<Vec<Trial>> = vec![Vec::new(); contenders.len()];
-    for turn in case.turns(contenders.len()) {
-        let contender = &contenders[turn];
-        let Some(entrant) = case.entrant(contender, &comparison.settings)? else {
-            continue;
-        };
-        for k in 0..comparison.trials {
-            let settings = Settings {
-                seed: comparison.settings.seed.wrapping_add(k),
-                first: true,
-                ..comparison.settings.clone()
-            };
-            let (found, networks) = entrant.search(case, &settings, stop);
-            // A search that was cut short says nothing about its sampler.
-            if stop.is_raised() {
-                return Ok(None);
-            }
-            let stats = stats(case, found)?;
-            trials[turn].push(trial(case, contender, &settings, &stats, &networks));
+    let settings = Settings {
+        first: true,
+        ..comparison.settings.clone()
+    };
+    let run = |contender: &Contender, entrant: &Entrant, settings: &Settings| {
+        let (found, networks) = entrant.search(case, settings, stop);
+        // A search that was cut short says nothing about its sampler.
+        if stop.is_raised() {
+            return Ok(None);
         }
-    }
-    Ok(Some(trials.concat()))
+        let stats = stats(case, found)?;
+        Ok(Some(trial(case, contender, settings, &stats, &networks)))
+    };
+    case.searches(&comparison.contenders, &settings, comparison.trials, run)
 }
 
 /// What a search did, whether or not it found a plan.

@@ -192,30 +192,21 @@ pub(super) fn of_case(
     stop: &Stop,
 ) -> Result<Option<Searched>, BenchError> {
     let reference = reference(case, costs.bounds);
-    let mut found: Vec<Vec<Descent>> = vec![Vec::new(); contenders.len()];
-    if reference.is_some() {
-        for turn in case.turns(contenders.len()) {
-            let contender = &contenders[turn];
-            let Some(entrant) = case.entrant(contender, &costs.settings)? else {
-                continue;
-            };
-            for k in 0..costs.trials {
-                let settings = Settings {
-                    seed: costs.settings.seed.wrapping_add(k),
-                    ..costs.settings.clone()
-                };
-                let descent = descend(case, contender, &entrant, &settings, stop)?;
-                if stop.is_raised() {
-                    return Ok(None);
-                }
-                found[turn].push(descent);
-            }
-        }
-    }
-    Ok((!stop.is_raised()).then_some(Searched {
+    // Without a plan of the exact planner's there is nothing to compare with.
+    let trials = match reference {
+        Some(_) => costs.trials,
+        None => 0,
+    };
+    let search = |contender: &Contender, entrant: &Entrant, settings: &Settings| {
+        let descent = descend(case, contender, entrant, settings, stop)?;
+        Ok((!stop.is_raised()).then_some(descent))
+    };
+    let descents = case.searches(contenders, &costs.settings, trials, search)?;
+    let found = descents.map(|descents| Searched {
         reference,
-        descents: found.concat(),
-    }))
+        descents,
+    });
+    Ok(found.filter(|_| !stop.is_raised()))
 }
 
 fn reference(case: &Case, bounds: bool) -> Option<Reference> {

@@ -27,8 +27,8 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
     let search = |stop: &Stop, observe: &mut dyn FnMut(Progress)| {
         mission::plan_task(&scenario, task, &options, stop, observe)
     };
-    let (mut planned, early) = watched(&scenario, &options, console, search)?;
-    finish(&mut planned, early, began, translate, console);
+    let (mut planned, ended) = watched(&scenario, &options, console, search)?;
+    finish(&mut planned, ended, began, translate, console);
     write_files(args, &scenario, &planned, &[], console)?;
     let text = if console.json() {
         format!("{}\n", to_json(args, &scenario, &planned))

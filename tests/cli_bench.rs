@@ -242,6 +242,31 @@ fn gaps_without_a_folder_say_how_often_and_on_what_machine() {
 
 /// Ctrl-C writes the report of what is done, and the same command goes on from there.
 #[cfg(unix)]
+/// Biased search with too few samples for its plans makes ratios upper bounds.
+#[test]
+fn ratios_that_are_bounds_are_marked() {
+    let run = nngtl(&[
+        "bench",
+        &shipped("case-study.toml"),
+        "--samplers",
+        "biased,directed,uniform",
+        "--iterations",
+        "12",
+        "--trials",
+        "3",
+    ]);
+    assert_eq!(run.code, 0, "{run:?}");
+    let line = |sampler: &str| {
+        let begins = format!("| all | {sampler} | biased |");
+        run.out
+            .lines()
+            .find(|l| l.starts_with(&begins))
+            .unwrap_or_else(|| panic!("{run:?}"))
+    };
+    assert!(line("directed").contains("| ≤ "), "{run:?}");
+    assert!(line("uniform").contains("| ≈ "), "{run:?}");
+}
+
 #[test]
 fn an_interrupt_keeps_what_was_done() {
     let folder = folder();

@@ -303,6 +303,8 @@ fn points_have_two_coordinates_in_every_format() {
         [point, "[0.5, 0.2, 0.0]", square],
         [point, point, "[[0, 0], [1, 1], [2, 2]]"],
         [point, point, "[[0, 0, 0], [1, 1, 1]]"],
+        [point, point, "[0, 0, 1, 1]"],
+        ["0.5", point, square],
     ];
     for (ending, write) in [
         ("toml", &text as &dyn Fn(&str, &str, &str) -> String),
@@ -317,9 +319,71 @@ fn points_have_two_coordinates_in_every_format() {
         for wrong in worse {
             let run = plan(wrong);
             assert_eq!(run.code, 2, "{ending} {wrong:?}: {run:?}");
-            let says = ["a point [x, y] has two", "bounds have two"];
+            let says = [
+                "a point [x, y] has two",
+                "bounds have two",
+                "bounds are two, [[left, bottom], [right, top]]",
+                "expected a point [x, y]",
+            ];
             assert!(says.iter().any(|s| run.err.contains(s)), "{run:?}");
         }
+    }
+}
+
+#[test]
+fn what_was_meant_is_told() {
+    let scenario = shipped("case-study.toml");
+    for (arguments, says) in [
+        // Not that `-1` is no option.
+        (
+            vec!["plan", &scenario, "--weight", "-1"],
+            "the weight is -1",
+        ),
+        (vec!["plan", &scenario, "--seed", "-1"], "'--seed <N>'"),
+        (vec!["plan", &shipped("office.yaml")], "`[map]`"),
+        (vec!["plan", &shipped("cavern.map")], "`[map]`"),
+        (vec!["translate", "a ==> b"], "unexpected `=`"),
+        (vec!["translate", "a = 3"], "no values here"),
+    ] {
+        let run = nngtl(&arguments);
+        assert_eq!(run.code, 2, "{arguments:?}: {run:?}");
+        assert!(run.err.contains(says), "{arguments:?}: {run:?}");
+    }
+    let mut plan = command();
+    let run = finish(plan.args(["plan", "-"]).stdin(Stdio::null()));
+    assert_eq!(run.code, 2, "{run:?}");
+    assert!(run.err.contains("it is empty"), "{run:?}");
+}
+
+#[test]
+fn a_map_in_metres_that_is_read_as_degrees_is_doubted() {
+    let folder = folder();
+    let map = |units: &str| {
+        let polygon = |kind: &str, [x, y]: [f64; 2], side: f64| {
+            let (right, top) = (x + side, y + side);
+            format!(
+                r#"{{"type": "Feature", "properties": {kind}, "geometry": {{"type": "Polygon", "coordinates": [[[{x}, {y}], [{right}, {y}], [{right}, {top}], [{x}, {top}], [{x}, {y}]]]}}}}"#
+            )
+        };
+        format!(
+            r#"{{"type": "FeatureCollection", {units} "features": [{}, {}]}}"#,
+            polygon(r#"{"kind": "bounds"}"#, [0.0, 0.0], 40.0),
+            polygon(r#"{"kind": "region", "name": "a"}"#, [20.0, 20.0], 2.0),
+        )
+    };
+    let scenario = folder.path().join("room.toml");
+    let text = "task = \"<> a\"\nstart = [1.0, 1.0]\n[map]\nfile = \"room.geojson\"\n";
+    std::fs::write(&scenario, text).unwrap();
+    for (units, doubted) in [("", true), (r#""units": "m","#, false)] {
+        std::fs::write(folder.path().join("room.geojson"), map(units)).unwrap();
+        let run = nngtl(&["plan", &scenario.display().to_string(), "--first"]);
+        assert_eq!(run.code, 0, "{run:?}");
+        assert_eq!(
+            run.err
+                .contains("nngtl: warning: the map is 4448 km across"),
+            doubted,
+            "{run:?}"
+        );
     }
 }
 

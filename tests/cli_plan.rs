@@ -71,6 +71,17 @@ fn results_are_plans_and_keep_their_weight() {
     let verified = finish(verify.stdin(std::fs::File::open(&result).unwrap()));
     assert_eq!(verified.code, 0, "{verified:?}");
     assert!(verified.out.contains("= 0.7 ×"), "{verified:?}");
+    // What the same path costs by another weight.
+    let file = result.display().to_string();
+    let other = nngtl(&["verify", &shipped, &file, "--weight", "1", "--json"]).json();
+    assert_eq!(other["outcome"], "verified");
+    assert_eq!(other["cost"]["total"], other["cost"]["prefix"]);
+    let bad = run.out.replace("\"weight\":0.7", "\"weight\":7.0");
+    std::fs::write(folder.path().join("bad.json"), bad).unwrap();
+    let bad = folder.path().join("bad.json").display().to_string();
+    let refused = nngtl(&["verify", &shipped, &bad]);
+    assert_eq!(refused.code, 2, "{refused:?}");
+    assert!(refused.err.contains("weight is 7"), "{refused:?}");
     let repaired = nngtl(&["replan", &shipped, &result.display().to_string(), "--json"]).json();
     assert_eq!(repaired["plan"]["weight"], 0.7);
     assert_eq!(repaired["plan"]["cost"], run.json()["plan"]["cost"]);

@@ -78,3 +78,14 @@ fn errors_show_a_caret() {
         "{run:?}"
     );
 }
+
+#[test]
+fn names_that_begin_like_operators_are_told() {
+    let run = nngtl(&["translate", "Goal"]);
+    assert_eq!(run.code, 0, "{run:?}");
+    assert!(run.err.contains("`Goal` is read as `G oal`"), "{run:?}");
+    for plain in ["\"Goal\"", "GFa", "GFp1 & Xb", "G load", "F(dock)"] {
+        let run = nngtl(&["translate", plain]);
+        assert_eq!((run.code, run.err.as_str()), (0, ""), "{plain}: {run:?}");
+    }
+}

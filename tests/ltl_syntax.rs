@@ -22,12 +22,21 @@ fn aliases_mean_the_same() {
             "a | b",
             vec!["a || b", "a \\/ b", "a OR b", "a or b", "a ∨ b"],
         ),
-        ("a -> b", vec!["a => b", "a --> b", "a → b", "a implies b"]),
-        ("a <-> b", vec!["a <=> b", "a <--> b", "a equivalent b"]),
+        (
+            "a -> b",
+            vec!["a => b", "a --> b", "a → b", "a ⇒ b", "a implies b"],
+        ),
+        (
+            "a <-> b",
+            vec!["a <=> b", "a <--> b", "a ⇔ b", "a ↔ b", "a equivalent b"],
+        ),
         ("!(a <-> b)", vec!["a xor b", "a ^ b", "a XOR b"]),
-        ("Fa", vec!["<>a", "F a", "F(a)", "<> a", "eventually a"]),
-        ("Ga", vec!["[]a", "G a", "always a", "always(a)"]),
-        ("Xa", vec!["X a", "X(a)", "next a"]),
+        (
+            "Fa",
+            vec!["<>a", "F a", "F(a)", "<> a", "◇a", "◊ a", "eventually a"],
+        ),
+        ("Ga", vec!["[]a", "□a", "G a", "always a", "always(a)"]),
+        ("Xa", vec!["X a", "X(a)", "○a", "next a"]),
         ("a R b", vec!["a V b", "a Rb", "a release b"]),
         ("a W b", vec!["a weakuntil b"]),
         (

@@ -26,7 +26,7 @@ pub use convergence::{Convergence, CostSettings, Descent, Mark, Reference, conve
 pub use entrant::{Asked, Live};
 pub use groups::{COMPLEX_FROM, Classes, Group};
 pub use report::{RatioRow, Report, Row};
-pub use stats::{Measured, Ratio, Share, Summary, mean};
+pub use stats::{Measured, Ratio, Share, Summary, Truth, mean};
 pub use study::{
     Findings, LogError, Machine, REPORT_FILES, Record, Study, StudyError, StudyFolder,
 };

@@ -146,6 +146,21 @@ impl std::fmt::Display for Share {
     }
 }
 
+/// On which side of a ratio the truth lies, where runs that ended at their cap count with what they spent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Truth {
+    /// No run of either ended at its cap.
+    #[default]
+    Measured,
+    /// Some in the numerator did.
+    Above,
+    /// Some in the denominator did.
+    Below,
+    /// Some of both did.
+    Unknown,
+}
+
 /// A ratio with a 95 % interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Ratio {
@@ -155,15 +170,38 @@ pub struct Ratio {
     pub low: f64,
     /// Upper end of the 95 % bootstrap interval.
     pub high: f64,
+    /// Where the truth lies.
+    pub truth: Truth,
 }
 
 impl std::fmt::Display for Ratio {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{:.3} [{:.3}, {:.3}]", self.value, self.low, self.high)
+        let sign = match self.truth {
+            Truth::Measured => "",
+            Truth::Above => "≥ ",
+            Truth::Below => "≤ ",
+            Truth::Unknown => "≈ ",
+        };
+        let Self {
+            value, low, high, ..
+        } = self;
+        write!(f, "{sign}{value:.3} [{low:.3}, {high:.3}]")
     }
 }
 
 impl Ratio {
+    /// Says whether runs in the numerator and in the denominator ended at their cap.
+    #[must_use]
+    pub fn with_capped(self, [above, below]: [bool; 2]) -> Self {
+        let truth = match (above, below) {
+            (false, false) => Truth::Measured,
+            (true, false) => Truth::Above,
+            (false, true) => Truth::Below,
+            (true, true) => Truth::Unknown,
+        };
+        Self { truth, ..self }
+    }
+
     /// The ratio of the means of pairs (numerator, denominator), with a percentile bootstrap over
     /// pairs: what belongs to one scenario is drawn together. `None` without pairs or if the
     /// denominators are all 0.
@@ -187,6 +225,7 @@ impl Ratio {
             value: ratio(total),
             low: quantile(&ratios, 0.025),
             high: quantile(&ratios, 0.975),
+            truth: Truth::Measured,
         })
     }
 }

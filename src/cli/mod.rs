@@ -98,10 +98,20 @@ fn run(command: &Command, console: &Console) -> Result<(), Failure> {
 /// Parses the arguments. Errors of parsing are coloured as `--color` asks, which therefore has to
 /// be looked up first.
 fn parse(arguments: &[std::ffi::OsString]) -> Result<Cli, clap::Error> {
-    let matches = Cli::command()
+    let matches = with_negative_numbers(Cli::command())
         .color(wanted_colour(arguments))
         .try_get_matches_from(arguments)?;
     Cli::from_arg_matches(&matches)
+}
+
+/// Lets `-1` be a value, so that what is wrong with it is told by the option that it was given to.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command
+        .mut_args(|arg| {
+            let takes = arg.get_action().takes_values();
+            arg.allow_negative_numbers(takes)
+        })
+        .mut_subcommands(with_negative_numbers)
 }
 
 fn wanted_colour(arguments: &[std::ffi::OsString]) -> ColorChoice {
@@ -127,7 +137,11 @@ fn start_logging(quiet: bool) {
     let mut builder = env_logger::Builder::from_env(environment);
     if std::env::var_os("RUST_LOG").is_none() {
         builder.format(|out, record| {
-            let level = record.level().as_str().to_lowercase();
+            // As in the program's own messages.
+            let level = match record.level() {
+                log::Level::Warn => "warning".to_owned(),
+                other => other.as_str().to_lowercase(),
+            };
             writeln!(out, "nngtl: {level}: {}", record.args())
         });
     }
@@ -141,7 +155,7 @@ mod tests {
 
     #[test]
     fn the_definitions_are_consistent() {
-        Cli::command().debug_assert();
+        with_negative_numbers(Cli::command()).debug_assert();
     }
 
     #[test]

@@ -23,7 +23,7 @@ pub(super) fn run(args: &ReplanArgs, console: &Console) -> Result<(), Failure> {
         wanted.mission.task_of = Some(stands_in.into());
     }
     if wanted.mission.weight.is_none() {
-        wanted.mission.weight = old.weight.filter(|w| (0.0..=1.0).contains(w));
+        wanted.mission.weight = old.weight;
     }
     let (scenario, task, translate) = plan::read(&wanted, console)?;
     let skills = match &args.library {

@@ -20,6 +20,11 @@ pub(super) fn run(args: &TranslateArgs, console: &Console) -> Result<(), Failure
         Some(path) => on_map(args, path, &limits)?,
         None => alone(&args.formula, &limits)?,
     };
+    for (word, read) in parsed.run_together() {
+        console.note(&format!(
+            "`{word}` is read as `{read}`: for a proposition of that name, write \"{word}\" in quotes"
+        ));
+    }
     let nba = nba?;
     let task = Task::from_trimmed(nba, Some(parsed.formula.clone()));
     let written = show(&task.nba, args.format);

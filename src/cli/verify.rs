@@ -8,7 +8,7 @@ use super::failure::{Failure, JSON_VERSION};
 use super::files;
 use crate::automaton::Limits;
 use crate::mission;
-use crate::plan::PlanFile;
+use crate::plan::{Cost, PlanFile};
 use crate::scenario::{Overrides, Scenario};
 
 /// Whether a plan was made on this map and from this start, for whatever mission.
@@ -43,16 +43,15 @@ pub(super) fn run(args: &VerifyArgs, console: &Console) -> Result<(), Failure> {
     }
     let path = plan.path();
     let map = &scenario.workspace;
-    let weight = match (args.mission.weight, plan.weight) {
-        (None, Some(weight)) => weight,
-        _ => scenario.weight,
-    };
+    // The stated cost is checked by the weight that the plan was made with; another is for looking.
+    let stated_weight = plan.weight.unwrap_or(scenario.weight);
+    let weight = args.mission.weight.unwrap_or(stated_weight);
     let automaton = match &args.automaton {
         Some(file) => Some(files::automaton(file, &scenario, &Limits::default())?),
         None => None,
     };
     let stated = plan.cost.as_ref();
-    let verdict = mission::verify(&scenario, automaton.as_ref(), &path, weight, stated);
+    let verdict = mission::verify(&scenario, automaton.as_ref(), &path, stated_weight, stated);
     let verified = verdict.map_err(|refusal| {
         let message = format!("{}: refused: {refusal}", args.plan.display());
         Failure::negative("refused", message).with_details(json!({
@@ -60,7 +59,10 @@ pub(super) fn run(args: &VerifyArgs, console: &Console) -> Result<(), Failure> {
             "reason": refusal.to_string(),
         }))
     })?;
-    let (cost, word) = (verified.cost, verified.word.show(map.alphabet()));
+    let (cost, word) = (
+        Cost::new(verified.cost.prefix, verified.cost.suffix, weight),
+        verified.word.show(map.alphabet()),
+    );
     let text = if console.json() {
         let object = json!({
             "version": JSON_VERSION,

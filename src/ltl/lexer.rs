@@ -43,9 +43,16 @@ const OPERATORS: &str =
     "an operator (`&`, `|`, `->`, `<->`, `xor`, `U`, `R`, `W`, `M`), `)` or the end";
 
 /// Symbols of operands, longest first among those with a common start.
-const OPERAND_SYMBOLS: [(&str, Operand); 6] = [
+const OPERAND_SYMBOLS: [(&str, Operand); 13] = [
     ("[]", Operand::Globally),
     ("<>", Operand::Finally),
+    ("□", Operand::Globally),
+    ("◻", Operand::Globally),
+    ("◇", Operand::Finally),
+    ("◊", Operand::Finally),
+    ("⋄", Operand::Finally),
+    ("○", Operand::Next),
+    ("◯", Operand::Next),
     ("!", Operand::Not),
     ("~", Operand::Not),
     ("¬", Operand::Not),
@@ -53,7 +60,7 @@ const OPERAND_SYMBOLS: [(&str, Operand); 6] = [
 ];
 
 /// Symbols of operators, longest first among those with a common start.
-const OPERATOR_SYMBOLS: [(&str, Operator); 17] = [
+const OPERATOR_SYMBOLS: [(&str, Operator); 20] = [
     ("<->", Operator::Iff),
     ("<=>", Operator::Iff),
     ("<-->", Operator::Iff),
@@ -70,6 +77,9 @@ const OPERATOR_SYMBOLS: [(&str, Operator); 17] = [
     ("∧", Operator::And),
     ("∨", Operator::Or),
     ("→", Operator::Implies),
+    ("⇒", Operator::Implies),
+    ("↔", Operator::Iff),
+    ("⇔", Operator::Iff),
     (")", Operator::Close),
 ];
 
@@ -316,7 +326,9 @@ impl<'t> Lexer<'t> {
         if rest.starts_with('{') || rest.starts_with("[*") || rest.starts_with("[+]") {
             return self.unsupported(Unsupported::RegularExpression, 1);
         }
-        if rest.starts_with('=') {
+        if let Some(value) = rest.strip_prefix('=')
+            && value.trim_start().starts_with(continues_name)
+        {
             return self.unsupported(Unsupported::Values, 1);
         }
         self.unexpected(OPERATORS)

@@ -52,6 +52,21 @@ pub struct Parsed {
     pub uses: Vec<PropositionUse>,
 }
 
+impl Parsed {
+    /// Words that were read as an operator and a proposition without a blank between, and look like a name: of `Goal` it
+    /// gives `Goal` and `G oal`, of `GFa` and `Fl2` nothing.
+    pub fn run_together(&self) -> impl Iterator<Item = (String, String)> {
+        self.uses.iter().filter_map(|u| {
+            let before = self.text[..u.span.start].chars().next_back()?;
+            let name = &self.text[u.span.clone()];
+            let looks = "FGX".contains(before)
+                && name.chars().count() > 2
+                && name.chars().all(|c| c.is_lowercase() || c == '_');
+            looks.then(|| (format!("{before}{name}"), format!("{before} {name}")))
+        })
+    }
+}
+
 /// Reads a formula in the grammar of [`crate::ltl`].
 ///
 /// # Errors

@@ -11,6 +11,9 @@ use crate::workspace::{Bounds, Polygon};
 /// Mean radius of the Earth, metres.
 const RADIUS: f64 = 6_371_008.8;
 
+/// No robot's map in degrees is larger, in kilometres: two degrees of latitude.
+const LARGEST_KM: f64 = 222.0;
+
 /// What a GeoJSON file holds, in metres.
 #[derive(Debug, Default)]
 pub(super) struct Features {
@@ -94,6 +97,7 @@ fn features(value: &Value, options: &MapOptions) -> Result<Features, Fault> {
     }
     if units == Units::Degrees {
         project(&mut all, options)?;
+        doubt(&all);
     }
     Ok(all)
 }
@@ -315,6 +319,17 @@ fn project(all: &mut Features, options: &MapOptions) -> Result<(), Fault> {
     let rings = obstacles.chain(bounds).chain(regions);
     rings.flatten().chain(&mut all.start).for_each(to_metres);
     Ok(())
+}
+
+/// Says so where the map is so large that its numbers are rather metres than degrees. The units are what the file says all the same.
+fn doubt(all: &Features) {
+    let Some(bounds) = extent(all) else { return };
+    let side = (bounds.max - bounds.min).max() / 1000.0;
+    if side > LARGEST_KM {
+        log::warn!(
+            "the map is {side:.0} km across, as its coordinates are read as degrees: for metres, add `\"units\": \"m\"` to the GeoJSON file"
+        );
+    }
 }
 
 /// The bounding box of everything; `None` if there is nothing.

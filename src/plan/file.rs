@@ -174,6 +174,14 @@ pub enum PlanFileError {
         /// The version found.
         found: u32,
     },
+    /// The weight is not a share.
+    #[error("{}: the plan's weight is {weight}: expected a number from 0 to 1", path.display())]
+    Weight {
+        /// The file.
+        path: PathBuf,
+        /// The weight found.
+        weight: f64,
+    },
     /// The file cannot be written.
     #[error("{}: cannot write the plan: {source}", path.display())]
     Write {
@@ -273,7 +281,14 @@ impl PlanFile {
             let found = version;
             return Err(PlanFileError::Version { path, found });
         }
-        serde_json::from_slice(text).map_err(syntax)
+        let plan: Self = serde_json::from_slice(text).map_err(syntax)?;
+        match plan.weight {
+            Some(weight) if !(0.0..=1.0).contains(&weight) => {
+                let path = path.to_owned();
+                Err(PlanFileError::Weight { path, weight })
+            }
+            _ => Ok(plan),
+        }
     }
 
     /// Writes the plan file, whole or not at all.

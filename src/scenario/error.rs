@@ -53,7 +53,8 @@ pub enum ScenarioErrorKind {
     NotText,
     /// The ending tells no format.
     #[error(
-        "a scenario file ends in .toml, .json or .jsonl, this one in `{found}`: rename it, or let it have no ending"
+        "a scenario file ends in .toml, .json or .jsonl, this one in `{found}`: {}",
+        advice(found)
     )]
     UnknownEnding {
         /// The ending found, without the dot.
@@ -69,7 +70,7 @@ pub enum ScenarioErrorKind {
         found: usize,
     },
     /// A file for scenarios holds none.
-    #[error("the file holds no scenario: expected one on each line")]
+    #[error("there is no scenario in it: it is empty")]
     Empty,
     /// No scenario of a `.jsonl` file has this name or line number.
     #[error("no scenario is called `{pick}`, and none stands on a line of that number")]
@@ -213,6 +214,16 @@ impl ScenarioError {
             place.first_line,
             &place.span,
         ))
+    }
+}
+
+/// What to do with a file of such an ending.
+fn advice(ending: &str) -> &'static str {
+    match ending {
+        "yaml" | "yml" | "pgm" | "png" | "map" | "geojson" => {
+            "a map is named in a scenario, by `file` in its table `[map]`, beside start, task and regions"
+        }
+        _ => "rename it, or let it have no ending",
     }
 }
 

@@ -180,6 +180,9 @@ fn split(path: &Path, text: Result<String, Kind>) -> Result<Vec<Source>, Kind> {
         "jsonl" | "ndjson" => Ok(lines(&text?)),
         "" => {
             let text = text?;
+            if text.trim().is_empty() {
+                return Err(Kind::Empty);
+            }
             match guess(&text) {
                 Guess::Toml => one(Syntax::Toml, Ok(text)),
                 Guess::Json => one(Syntax::Json, Ok(text)),

@@ -75,7 +75,7 @@ impl Convergence {
             checked.count()
         );
         text.push_str(
-            "Gap of each sampler's best plan to the exact planner's (negative: better).\n\n",
+            "Gap of each sampler's best plan to the exact planner's (negative: better), over the searches that have one.\n\n",
         );
         text.push_str("| sampler | after | no plan | mean gap | median | 90 % | largest | within 1 % | within 0.1 % |\n");
         text.push_str("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n");
@@ -111,7 +111,8 @@ impl Convergence {
         text.push_str(
             "\nUntil the best plan costs at most so much more than the exact planner's; a search that never gets there \
              counts with all that it spent, and what that makes a lower bound is marked ≥. Mean · median [quartiles]; time with \
-             encoding and networks; ratios of means to biased with 95 % bootstrap intervals over missions.\n\n",
+             encoding and networks; ratios of means to biased with 95 % bootstrap intervals over missions, ≤ where searches of biased, ≥ where \
+             others, ≈ where both never got there.\n\n",
         );
         text.push_str("| missions | sampler | within | never | iterations | ms | iterations ÷ biased | time ÷ biased |\n");
         text.push_str("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |\n");
@@ -201,7 +202,9 @@ fn write_spent(
             .iter()
             .filter_map(|(case, s)| Some((of_mission(s), of_mission(against.get(case)?))))
             .collect();
-        cell_or_dash(Ratio::of_means(&pairs))
+        let never = |all: &BySearch<'_>| all.values().flatten().any(|s| s.never);
+        let ratio = Ratio::of_means(&pairs);
+        cell_or_dash(ratio.map(|r| r.with_capped([never(mine), never(against)])))
     };
     let _ = writeln!(
         text,

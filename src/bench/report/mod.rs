@@ -197,8 +197,8 @@ fn ratio_row(
     trials: &[&Trial],
 ) -> RatioRow {
     // Means over each mission's runs of both; what belongs to one mission is resampled together.
-    let ratio = |value: &dyn Fn(&Trial) -> Option<f64>| {
-        let mut sums: BTreeMap<&str, [(f64, u32); 2]> = BTreeMap::new();
+    let ratio = |found: fn(&Trial) -> Option<First>, value: fn(&Trial, Option<First>) -> f64| {
+        let mut sums: BTreeMap<&str, [(f64, u32, bool); 2]> = BTreeMap::new();
         for t in trials {
             let side = match &t.contender {
                 c if c == contender => 0,
@@ -206,25 +206,29 @@ fn ratio_row(
                 _ => continue,
             };
             let entry = &mut sums.entry(t.case.as_str()).or_default()[side];
-            *entry = (entry.0 + value(t).unwrap_or(f64::NAN), entry.1 + 1);
+            let found = found(t);
+            let capped = entry.2 || found.is_none();
+            *entry = (entry.0 + value(t, found), entry.1 + 1, capped);
         }
+        sums.retain(|_, [a, b]| a.1 > 0 && b.1 > 0 && a.0.is_finite() && b.0.is_finite());
         let pairs: Vec<(f64, f64)> = sums
             .values()
-            .filter(|[a, b]| a.1 > 0 && b.1 > 0 && a.0.is_finite() && b.0.is_finite())
             .map(|[a, b]| (a.0 / f64::from(a.1), b.0 / f64::from(b.1)))
             .collect();
-        Ratio::of_means(&pairs)
+        let capped = [0, 1].map(|side| sums.values().any(|pair| pair[side].2));
+        Some(Ratio::of_means(&pairs)?.with_capped(capped))
     };
+    let (prefix, plan): (fn(&Trial) -> _, fn(&Trial) -> _) = (|t| t.prefix, |t| t.plan);
     RatioRow {
         group: group.to_owned(),
         contender: contender.clone(),
         against: against.clone(),
-        prefix_iterations: ratio(&|t| Some(t.iterations_until(t.prefix))),
-        plan_iterations: ratio(&|t| Some(t.iterations_until(t.plan))),
-        nodes: ratio(&|t| Some(t.nodes_until(t.plan))),
-        length: ratio(&|t| Some(t.prefix?.cost)),
-        search: ratio(&|t| Some(t.search_until(t.plan))),
-        total: ratio(&|t| Some(t.seconds_until(t.plan))),
+        prefix_iterations: ratio(prefix, Trial::iterations_until),
+        plan_iterations: ratio(plan, Trial::iterations_until),
+        nodes: ratio(plan, Trial::nodes_until),
+        length: ratio(prefix, |_, found| found.map_or(f64::NAN, |f| f.cost)),
+        search: ratio(plan, Trial::search_until),
+        total: ratio(plan, Trial::seconds_until),
     }
 }
 

@@ -112,7 +112,8 @@ impl Report {
             return String::new();
         }
         let mut text = String::from(
-            "Ratios of means with 95 % bootstrap intervals over missions (time: to the first plan, with and without encoding and networks):\n\n\
+            "Ratios of means with 95 % bootstrap intervals over missions (time: to the first plan, with and without encoding and networks; runs \
+             that ended at the cap make them bounds, ≥, ≤, or both, ≈):\n\n\
              | missions | sampler | ÷ | n, first prefix | n, first plan | m, first plan | len | search | with networks |\n\
              | --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |\n",
         );

@@ -33,7 +33,13 @@ pub(in crate::cli) struct BenchArgs {
     #[arg(value_name = "SCENARIOS")]
     pub(in crate::cli) scenarios: Vec<PathBuf>,
     /// What to compare
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_values_t = [StrategyName::Uniform, StrategyName::Biased, StrategyName::Directed, StrategyName::Flat, StrategyName::Guided, StrategyName::Auto])]
+    #[arg(
+        long,
+        value_enum,
+        value_delimiter = ',',
+        value_name = "NAMES",
+        default_value = "uniform,biased,directed,flat,guided,auto"
+    )]
     pub(in crate::cli) samplers: Vec<StrategyName>,
     /// What runs the networks; with several, guided sampling is run with each
     #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_values_t = [DeviceName::Auto])]
@@ -194,7 +200,13 @@ pub(in crate::cli) enum BenchCommand {
 )]
 pub(in crate::cli) struct BenchTransferArgs {
     /// Which tables
-    #[arg(long, value_enum, value_delimiter = ',', value_name = "NAMES", default_values_t = [TransferTable::One, TransferTable::Two, TransferTable::Continuous])]
+    #[arg(
+        long,
+        value_enum,
+        value_delimiter = ',',
+        value_name = "NAMES",
+        default_value = "1,2,continuous"
+    )]
     pub(in crate::cli) table: Vec<TransferTable>,
     /// Runs of each formula, and in each changed environment
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..))]

@@ -138,7 +138,12 @@ fn first_plans(study: &Study, cases: &[Case], tell: &Tell<'_>) -> Result<(), Fai
         .map_err(|e| Failure::input(e.to_string()))?;
     bar.finish_and_clear();
     let report = &findings.first;
-    tell.result(report, &report.to_markdown(), &report.to_csv())
+    tell.result(
+        report,
+        report.missions,
+        &report.to_markdown(),
+        &report.to_csv(),
+    )
 }
 
 /// Runs until the first plan and costs over time, or those alone, in a folder.
@@ -228,7 +233,12 @@ fn gaps(
     })
     .map_err(|e| Failure::input(e.to_string()))?;
     bar.finish_and_clear();
-    tell.result(&report, &report.to_markdown(), &report.to_csv())
+    tell.result(
+        &report,
+        report.references.len(),
+        &report.to_markdown(),
+        &report.to_csv(),
+    )
 }
 
 /// Where a result without a folder goes.
@@ -240,9 +250,21 @@ struct Tell<'a> {
 }
 
 impl Tell<'_> {
-    /// Writes the files that were asked for and prints the result. Files and JSON say what was typed, and where it ran.
-    fn result(&self, report: &impl Serialize, markdown: &str, csv: &str) -> Result<(), Failure> {
+    /// Writes the files that were asked for and prints the result, of so many missions. Files and JSON say what was typed, and where it ran.
+    fn result(
+        &self,
+        report: &impl Serialize,
+        missions: usize,
+        markdown: &str,
+        csv: &str,
+    ) -> Result<(), Failure> {
         let Self { args, console, .. } = *self;
+        if self.stop.is_raised() && missions == 0 {
+            return Err(Failure::negative(
+                "interrupted",
+                "interrupted before the first mission was done",
+            ));
+        }
         if self.stop.is_raised() {
             console.note("interrupted: these are the missions that were done");
         }

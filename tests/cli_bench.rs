@@ -4,7 +4,7 @@ mod cli;
 
 use std::path::Path;
 
-use cli::{command, folder, nngtl};
+use cli::{command, folder, nngtl, shipped};
 
 const DRAWN: [&str; 9] = [
     "bench",

@@ -149,7 +149,7 @@ fn files_without_scenarios_and_regions_beyond_the_map_are_called_so() {
     };
     let run = nngtl(&["plan", &file("none.jsonl", "\n")]);
     assert_eq!(run.code, 2, "{run:?}");
-    assert!(run.err.contains("holds no scenario"), "{run:?}");
+    assert!(run.err.contains("it is empty"), "{run:?}");
 
     let square = |x: f64| format!("[[{x}, 0], [{}, 0], [{}, 1]]", x + 1.0, x + 1.0);
     let text = format!(

@@ -75,7 +75,8 @@ PAPER_STATENET = {
     "trunk_widths": [64, 128, 256, 512],
     "trunk_blocks": [3, 4, 6, 3],
     "map_feature": 256,
-    "first": 256,
+    # 64 in the published code, 256 in the paper's text; with 256 no layer has the shape of one of PathNet's, to which IV-D hands them.
+    "first": 64,
     "first_relu": False,
     "graph": [128, 256, 512, 256, 128],
     "dropout": 0.5,
@@ -110,9 +111,10 @@ WAYS_TRAINING = {
 }
 
 # nngtl.md, IV-D: Adam, batch 128, StateNet 100 epochs with a fixed trunk and 20 with a free one at 1e-3, PathNet 150 epochs at 1e-4.
-# Its seven-fold augmentation is done on the fly by the symmetries.
+# Its seven-fold augmentation is done on the fly: an epoch passes each mission seven times, each time by a symmetry drawn anew.
 PAPER_TRAINING = {
     **COMPACT_TRAINING,
+    "repeats": 7,
     "batch": 128,
     "schedule": "constant",
     "weight_decay": 0.0,

@@ -118,10 +118,10 @@ def _reached(missions):
 
 
 def blobs(missions, chosen, turn, free, spread):
-    """The target of places: 1 at each point of the path but its start, falling off as a Gaussian of standard deviation ``spread``
+    """The target of places: 1 at each point of the path (without its suffix if the missions leave it out) but its start, falling off as a Gaussian of standard deviation ``spread``
     (sides of the frame), the greatest counts, 0 in obstacles."""
     first = missions.points_at[chosen] + 1
-    count = missions.points_at[chosen + 1] - first
+    count = (missions.points_at[chosen + 1] if missions.suffix else missions.points_at[chosen] + missions.prefix[chosen]) - first
     # Longest paths first: the p-th points are those of the first few.
     order = np.argsort(-count, kind="stable")
     number = (count[:, None] > np.arange(count.max())).sum(axis=0)

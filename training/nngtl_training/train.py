@@ -79,7 +79,12 @@ class Run:
 
     @property
     def epoch(self):
-        return self.step * self.options["batch"] / len(self.missions)
+        return self.step * self.options["batch"] / self.passes
+
+    @property
+    def passes(self):
+        """Samples of an epoch: each mission as often as the configuration ``repeats`` it."""
+        return self.options.get("repeats", 1) * len(self.missions)
 
     def rate(self, progress):
         """The learning rate; ``progress`` in [0, 1] is the share of the budget that is spent."""
@@ -263,7 +268,7 @@ def start(options):
             raise SystemExit("a data set has no lengths of ways, which this StateNet reads: generate it anew")
     run = Run(config, missions, options.seed, device, Team.from_environment(device))
     if "epochs" in config["training"] and options.minutes is None and options.steps is None:
-        options.steps = math.ceil(config["training"]["epochs"] * len(missions) / config["training"]["batch"])
+        options.steps = math.ceil(config["training"]["epochs"] * run.passes / config["training"]["batch"])
     if options.minutes is None and options.steps is None:
         raise SystemExit("this configuration has no number of epochs: give --minutes or --steps")
     checkpoint = options.out / CHECKPOINT

@@ -190,7 +190,7 @@ class Sample:
             return marks.reshape(self.side, factor, self.side, factor).sum((1, 3)) / factor**2
         centre = (np.arange(self.side) + 0.5) / self.side
         out = np.zeros((self.side, self.side))
-        for x, y in [*self.prefix[1:], *self.suffix]:
+        for x, y in [*self.prefix[1:], *(self.suffix if suffix else [])]:
             along, across = (np.exp(-0.5 * ((centre - at) / spread) ** 2) for at in (x, y))
             out = np.maximum(out, np.outer(along, across))
         return out * (self.codes & 1 == 0)

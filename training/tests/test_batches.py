@@ -85,6 +85,7 @@ def hard(data_set, tmp_path_factory):
 
 KINDS = {
     "compact": dict(resolution=50, spread=0.015),
+    "places of the prefix": dict(resolution=50, spread=0.015, suffix=False),
     "cells": dict(resolution=50, reach=False),
     "cells of the prefix": dict(resolution=100, reach=False, suffix=False),
     "reach": dict(resolution=100, reach=True),

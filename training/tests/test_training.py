@@ -137,8 +137,12 @@ def test_a_given_trunk_stands_still_for_its_first_epochs(data_set, tmp_path):
 
     train.main([*base, "--steps", "2"])
     assert not moved()
-    count = len(begin(configs.get("paper", "statenet", changes), data_set[0]).missions)
-    train.main([*base, "--steps", str(count // 4 + 3)])
+    # An epoch passes each mission seven times (IV-D, augmentation).
+    run = begin(configs.get("paper", "statenet", changes), data_set[0])
+    assert run.passes == 7 * len(run.missions)
+    train.main([*base, "--steps", str(run.passes // 4 - 1)])
+    assert not moved()
+    train.main([*base, "--steps", str(run.passes // 4 + 3)])
     assert moved()
 
 
@@ -352,8 +356,8 @@ def test_layers_of_equal_shape_are_handed_over():
     assert torch.equal(pathnet.graph[2].state_self.src.weight, statenet.graph[2].state_self.src.weight)
 
 
-def test_the_papers_first_layer_is_handed_over_when_it_is_64_wide():
-    names = ["network.trunk_widths=[2,2,4,4]", "network.trunk_blocks=[1,1,1,1]", "network.first=64"]
+def test_the_papers_first_layer_is_handed_over():
+    names = ["network.trunk_widths=[2,2,4,4]", "network.trunk_blocks=[1,1,1,1]"]
     statenet = models.build(configs.get("paper", "statenet", names)["network"])
     pathnet = models.build(configs.get("paper", "pathnet", ["network.n1=1"])["network"])
     assert models.handed_layers(statenet, pathnet) == ["first -> graph.0"]

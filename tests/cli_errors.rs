@@ -265,20 +265,74 @@ fn an_interrupt_gives_the_best_plan_so_far() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    std::thread::sleep(std::time::Duration::from_secs(2));
+    let (code, out, err) = interrupted(child, 2.0);
+    assert_eq!(code, Some(0), "{out}{err}");
+    assert!(
+        out.contains("planned and verified") && err.contains("interrupted"),
+        "{out}{err}"
+    );
+}
+
+/// Interrupts a program after so many seconds; its exit code, and what it said.
+fn interrupted(child: std::process::Child, after: f64) -> (Option<i32>, String, String) {
+    std::thread::sleep(std::time::Duration::from_secs_f64(after));
     let kill = std::process::Command::new("kill")
         .args(["-INT", &child.id().to_string()])
         .status();
     assert!(kill.unwrap().success());
     let output = child.wait_with_output().unwrap();
-    let (out, err) = (
-        String::from_utf8_lossy(&output.stdout),
-        String::from_utf8_lossy(&output.stderr),
-    );
-    assert_eq!(output.status.code(), Some(0), "{out}{err}");
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let (out, err) = (text(&output.stdout), text(&output.stderr));
+    (output.status.code(), out, err)
+}
+
+/// Fourteen places in any order: the exact planner has 2^14 states to search, for minutes.
+fn many_places() -> String {
+    let place = |k: usize| {
+        let angle = std::f64::consts::TAU * k as f64 / 14.0;
+        let (x, y) = (0.5 + 0.4 * angle.cos(), 0.5 + 0.4 * angle.sin());
+        let (right, top) = (x + 0.05, y + 0.05);
+        format!("r{k} = [[{x}, {y}], [{right}, {y}], [{right}, {top}], [{x}, {top}]]\n")
+    };
+    let visits: Vec<String> = (0..14).map(|k| format!("F r{k}")).collect();
+    let places: String = (0..14).map(place).collect();
+    format!(
+        "start = [0.5, 0.5]\ntask = \"{}\"\n[workspace]\nbounds = [[0, 0], [1, 1]]\n[workspace.regions]\n{places}",
+        visits.join(" & ")
+    )
+}
+
+/// The exact planner, too, ends when it is asked to, or when its time is over.
+#[test]
+fn an_exact_search_can_be_ended() {
+    let folder = folder();
+    let path = folder.path().join("many.toml");
+    std::fs::write(&path, many_places()).unwrap();
+    let path = path.display().to_string();
+    let arguments = ["plan", &path, "--sampler", "exact", "--json"];
+    let child = command()
+        .args(arguments)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let (code, out, err) = interrupted(child, 2.0);
+    let object: serde_json::Value = serde_json::from_str(&out).expect(&err);
+    let expected = match code {
+        Some(0) => "planned",
+        Some(1) => "not-found",
+        _ => panic!("{code:?}: {out}{err}"),
+    };
+    assert_eq!(object["outcome"], expected, "{out}{err}");
+
+    let mut timed = arguments.to_vec();
+    timed.extend(["--time-limit", "1"]);
+    let run = nngtl(&timed);
+    assert!([0, 1].contains(&run.code), "{run:?}");
+    let told = run.json().to_string() + &run.err;
     assert!(
-        out.contains("planned and verified") && err.contains("interrupted"),
-        "{out}{err}"
+        told.contains("time limit") || told.contains("was ended before"),
+        "{run:?}"
     );
 }
 

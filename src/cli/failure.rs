@@ -151,9 +151,9 @@ impl From<MissionError> for Failure {
                 Self::negative("not-on-this-map", message)
             }
             // Where it were certain, walls or regions would have been named.
-            MissionError::Exact(Infeasible::NoPrefix | Infeasible::NoSuffix) => {
-                Self::negative("not-found", message)
-            }
+            MissionError::Exact(
+                Infeasible::NoPrefix | Infeasible::NoSuffix | Infeasible::Halted,
+            ) => Self::negative("not-found", message),
             MissionError::Plan(PlanError::NotFound(_)) => Self::negative("not-found", message),
             MissionError::Task(TaskError::Unsatisfiable) => {
                 Self::negative("unsatisfiable", message)

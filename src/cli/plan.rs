@@ -139,11 +139,7 @@ pub(super) fn watched<T>(
     console: &Console,
     search: impl FnOnce(&Stop, &mut dyn FnMut(Progress)) -> Result<T, MissionError>,
 ) -> Result<(T, Ended), Failure> {
-    // The exact planner has nothing to show before its end: an interrupt ends it, and the program.
-    let stop = match options.sampler {
-        SamplerChoice::Exact => Stop::new(),
-        _ => super::interrupt::stop_on_interrupt(),
-    };
+    let stop = super::interrupt::stop_on_interrupt();
     let bar = console.progress(options.settings.iterations, "planning");
     let alphabet = scenario.workspace.alphabet();
     let planned = search(&stop, &mut |p: Progress| {
@@ -339,13 +335,25 @@ pub(super) fn describe_as(scenario: &Scenario, planned: &Planned, done: &str) ->
         cost.suffix
     );
     if let Some(bound) = &file.bound {
-        let _ = writeln!(
-            text,
-            "  bound   no plan in the product of map and automaton costs less than {:.4}: at most {:.1} % above the optimum ({})",
-            bound.cost,
-            100.0 * bound.gap,
-            seconds(bound.seconds)
-        );
+        let product = bound.product.filter(|&least| least > bound.cost);
+        let product = product.map(|least| (least, 100.0 * (cost.total / least - 1.0)));
+        let closes = "whose loop closes in its automaton state";
+        let all = bound.gap.map(|gap| {
+            let percent = 100.0 * gap;
+            let least = bound.cost;
+            format!("no plan costs less than {least:.4}: at most {percent:.1} % above the optimum")
+        });
+        let said = match (all, product) {
+            (Some(all), None) => all,
+            (Some(all), Some((least, percent))) => {
+                format!("{all}; none {closes} less than {least:.4} ({percent:.1} %)")
+            }
+            (None, Some((least, percent))) => {
+                format!("no plan {closes} costs less than {least:.4} ({percent:.1} %)")
+            }
+            (None, None) => "none is known".to_owned(),
+        };
+        let _ = writeln!(text, "  bound   {said} ({})", seconds(bound.seconds));
     }
     if let Some(first) = &file.first {
         let _ = writeln!(

@@ -198,6 +198,7 @@ impl Draw<'_> {
             Infeasible::Start { .. } => "start not free",
             Infeasible::NoPrefix => "no prefix on this map",
             Infeasible::NoSuffix => "no suffix on this map",
+            Infeasible::Halted => "search ended",
         })
     }
 

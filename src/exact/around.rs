@@ -47,6 +47,9 @@ impl Mission<'_> {
         let walk = |from, to| walks.walk(from, to).unwrap_or_default();
         let mut best = plan;
         for _ in 0..ROUNDS {
+            if self.roadmap.halt.is_due() {
+                break;
+            }
             let found = shortener.others(&best.0, &walk);
             match found.min_by(|a, b| a.1.total.total_cmp(&b.1.total)) {
                 Some(other) if other.1.total < best.1.total => best = other,
@@ -63,6 +66,9 @@ impl Walks<'_, '_> {
         let roadmap = self.mission.roadmap;
         if roadmap.workspace.is_free_segment(from, to) {
             return Some(vec![to]);
+        }
+        if roadmap.halt.is_due() {
+            return None;
         }
         let (first, last) = (self.seen_from(from), self.seen_from(to));
         let last: FxHashMap<u32, f64> = last.iter().copied().collect();

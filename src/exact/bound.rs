@@ -55,6 +55,8 @@ use nalgebra::Point2;
 
 use product::{Node, Product};
 
+use super::Halt;
+use super::visits::least_cost;
 use super::words::Relations;
 use crate::alphabet::{Letter, Props};
 use crate::automaton::Task;
@@ -75,7 +77,7 @@ const PRECISION: f64 = 1e-4;
 
 /// What borders are resolved to lets a path cut corners by about so much, as a share of the map's
 /// longer side; the bound is lowered by it.
-const RESOLUTION: f64 = 1e-6;
+pub(super) const RESOLUTION: f64 = 1e-6;
 
 /// What every plan of the mission, as a path in the product with the automaton, costs at least;
 /// `upper` is the cost of a known one (or infinite), and what is returned is at most that. `weight` is the prefix's share λ of the cost.
@@ -87,7 +89,10 @@ pub fn lower_bound(
     weight: f64,
     upper: f64,
 ) -> f64 {
-    bound(workspace, start, task, weight, upper, ROUNDS)
+    let never = Halt::NEVER;
+    let all = least_cost(workspace, start, task, weight, never).unwrap_or(0.0);
+    let known = (all, ROUNDS, never);
+    bound(workspace, start, task, weight, upper, known).unwrap_or(all)
 }
 
 /// As [`lower_bound`], without refinement: found in a few milliseconds, and often far too low.
@@ -99,7 +104,32 @@ pub fn quick_bound(
     weight: f64,
     upper: f64,
 ) -> f64 {
-    bound(workspace, start, task, weight, upper, 1)
+    let found = bounds_until(workspace, start, task, weight, upper, Halt::NEVER);
+    found.map_or(0.0, |bounds| bounds.product)
+}
+
+/// Lower bounds on the cost of plans.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// On all plans that satisfy the task: see [`least_cost`].
+    pub all: f64,
+    /// On those of the product: see [`quick_bound`].
+    pub product: f64,
+}
+
+/// Both bounds, as quickly as they can be found; `None` if the work was ended before.
+#[must_use]
+pub fn bounds_until(
+    workspace: &Workspace,
+    start: Point2<f64>,
+    task: &Task,
+    weight: f64,
+    upper: f64,
+    halt: Halt<'_>,
+) -> Option<Bounds> {
+    let all = least_cost(workspace, start, task, weight, halt)?;
+    let product = bound(workspace, start, task, weight, upper, (all, 1, halt))?;
+    Some(Bounds { all, product })
 }
 
 fn bound(
@@ -108,21 +138,32 @@ fn bound(
     task: &Task,
     weight: f64,
     upper: f64,
-    rounds: usize,
-) -> f64 {
-    let Some(mut gates) = Gates::new(workspace, start, task) else {
-        return 0.0;
-    };
+    (all, rounds, halt): (f64, usize, Halt<'_>),
+) -> Option<f64> {
     // What costs more than this is as good as the known plan.
     let cut = upper * (1.0 - PRECISION);
-    let mut best: f64 = 0.0;
+    // What holds for all plans holds for those of the product.
+    let resolution = RESOLUTION * workspace.bounds().side();
+    let mut best: f64 = if all > 0.0 { all + resolution } else { 0.0 };
+    if best >= cut {
+        return Some(all.min(upper));
+    }
+    let Some(mut gates) = Gates::new(workspace, start, task) else {
+        return Some(all.min(upper));
+    };
     let mut product = Product::new(&gates, task, weight);
+    product.halt = halt;
     for round in 1..=rounds {
         let useful = product.useful_legs(&product.solve(&gates, cut), cut);
         product.keep_legs(&useful);
         product.lengthen(&mut gates);
         let solved = product.solve(&gates, cut);
-        best = best.max(product.bound(&solved, cut));
+        // What was cut short is no bound.
+        let found = product.bound(&solved, cut);
+        if halt.is_due() {
+            return None;
+        }
+        best = best.max(found);
         log::debug!(
             "bound: {best} after round {round}, {} legs",
             product.legs.len()
@@ -140,7 +181,7 @@ fn bound(
         }
         product.halve(&mut gates, &nodes, &critical);
     }
-    (best - RESOLUTION * workspace.bounds().side()).max(0.0)
+    Some((best - resolution).clamp(0.0, upper.max(0.0)))
 }
 
 /// A piece of a border; the first gate is the start, a piece of no length.
@@ -392,7 +433,7 @@ fn space(
 type Segment = (Point2<f64>, Point2<f64>);
 
 /// The distance between two segments, each of which may be a point.
-fn segment_distance((a, b): Segment, (c, d): Segment) -> f64 {
+pub(super) fn segment_distance((a, b): Segment, (c, d): Segment) -> f64 {
     let orient = |p: Point2<f64>, q: Point2<f64>, r: Point2<f64>| (q - p).perp(&(r - p));
     let crosses =
         orient(a, b, c) * orient(a, b, d) < 0.0 && orient(c, d, a) * orient(c, d, b) < 0.0;
@@ -424,7 +465,7 @@ fn is_convex(polygon: &Polygon) -> bool {
 }
 
 /// Whether two polygons are further apart than `margin`.
-fn are_apart(p: &Polygon, q: &Polygon, margin: f64) -> bool {
+pub(super) fn are_apart(p: &Polygon, q: &Polygon, margin: f64) -> bool {
     let gap = |a: &Polygon, b: &Polygon| (b.min().x - a.max().x).max(b.min().y - a.max().y);
     if gap(p, q).max(gap(q, p)) > margin {
         return true;

@@ -71,7 +71,7 @@ impl<'m, 'a> Cycles<'m, 'a> {
     /// The cheapest plan whose suffix moves and passes the accepting product state `at`, if it costs less
     /// than `limit`. `ways` are the ways from the start, to `at` and to all that is nearer.
     pub(super) fn close(&mut self, at: u32, ways: &Labels, limit: f64) -> Option<(f64, Found)> {
-        if self.searches_left == 0 {
+        if self.searches_left == 0 || self.mission.roadmap.halt.is_due() {
             return None;
         }
         self.searches_left -= 1;
@@ -134,7 +134,12 @@ fn search(
     labels.improve(size + goal.at, before * goal.way, u32::MAX);
     queue.push(Reverse(Entry(0.0, goal.at)));
     queue.push(Reverse(Entry(0.0, size + goal.at)));
+    let mut popped = 0;
     while let Some(Reverse(Entry(whole, i))) = queue.pop() {
+        popped += 1;
+        if m.ends_after(popped) {
+            return None;
+        }
         let cut = closing.map_or(limit, |c| c.0);
         if whole >= cut {
             break;

@@ -73,7 +73,10 @@ impl<'a> Mission<'a> {
             relations: Relations::new(&task.nba),
         };
         mission.prepare(&words);
-        Ok(mission)
+        match roadmap.halt.is_due() {
+            true => Err(Infeasible::Halted),
+            false => Ok(mission),
+        }
     }
 
     /// The best plan: each of the best on the roadmap is refined.
@@ -90,6 +93,9 @@ impl<'a> Mission<'a> {
             let mut chain = self.chain(&found);
             // What the roadmap gives stands on its own.
             shortener.realise(&chain).into_iter().for_each(&mut keep);
+            if self.roadmap.halt.is_due() {
+                continue;
+            }
             shortener.improve(&mut chain, config.sweeps);
             let refined = shortener.realise(&chain);
             refined
@@ -118,6 +124,9 @@ impl<'a> Mission<'a> {
     /// Finds the automaton's steps along every word that the mission's segments carry.
     fn prepare(&mut self, words: &Words) {
         for i in 0..=self.roadmap.nodes.len() {
+            if self.roadmap.halt.is_due() {
+                return;
+            }
             let along: Vec<WordId> = self.edges(i as u32).map(|e| e.word).collect();
             for word in along {
                 self.relations.prepare(word, words);

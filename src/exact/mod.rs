@@ -14,9 +14,11 @@
 mod around;
 mod bound;
 mod cycles;
+mod halt;
 mod mission;
 mod roadmap;
 mod search;
+mod visits;
 mod words;
 
 use nalgebra::Point2;
@@ -26,8 +28,10 @@ use crate::plan::{Cost, Path};
 use crate::shorten::used_regions;
 use crate::workspace::Workspace;
 
-pub use bound::{lower_bound, quick_bound};
+pub use bound::{Bounds, bounds_until, lower_bound, quick_bound};
+pub use halt::Halt;
 pub use roadmap::Roadmap;
+pub use visits::least_cost;
 
 /// Settings of the exact planner.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,6 +117,11 @@ pub enum Infeasible {
         "the automaton distinguishes words that differ by stuttering only, which a continuous path cannot follow: write the task without X"
     )]
     Stutter,
+    /// The search was ended before it found a plan.
+    #[error(
+        "the exact search was ended before it found a plan: give it more time, or try another --sampler"
+    )]
+    Halted,
 }
 
 /// Plans with default settings, for one mission.
@@ -127,6 +136,20 @@ pub fn plan(
     task: &Task,
     weight: f64,
 ) -> Result<ExactPlan, Infeasible> {
+    plan_until(workspace, start, task, weight, Halt::NEVER)
+}
+
+/// Plans until the search is over or ended; then with the best plan so far.
+///
+/// # Errors
+/// See [`Infeasible`].
+pub fn plan_until(
+    workspace: &Workspace,
+    start: Point2<f64>,
+    task: &Task,
+    weight: f64,
+    halt: Halt<'_>,
+) -> Result<ExactPlan, Infeasible> {
     let used = used_regions(workspace, task);
-    Roadmap::of_regions(workspace, ExactConfig::default(), used).plan(start, task, weight)
+    Roadmap::until(workspace, ExactConfig::default(), used, halt)?.plan(start, task, weight)
 }

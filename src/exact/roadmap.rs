@@ -4,7 +4,7 @@ use nalgebra::{Point2, Vector2};
 
 use super::mission::Mission;
 use super::words::{WordId, Words};
-use super::{ExactConfig, ExactPlan, Infeasible};
+use super::{ExactConfig, ExactPlan, Halt, Infeasible};
 use crate::alphabet::{Letter, Props};
 use crate::automaton::Task;
 use crate::shorten::{inward_normal, word_of};
@@ -49,6 +49,7 @@ pub struct Roadmap<'w> {
     pub(super) nodes: Vec<Node>,
     pub(super) edges: Vec<Vec<Edge>>,
     pub(super) words: Words,
+    pub(super) halt: Halt<'w>,
 }
 
 impl<'w> Roadmap<'w> {
@@ -62,6 +63,24 @@ impl<'w> Roadmap<'w> {
     /// Builds the roadmap for missions over `used` regions only; paths may still cross the others.
     #[must_use]
     pub fn of_regions(workspace: &'w Workspace, config: ExactConfig, used: Props) -> Self {
+        Self::begin(workspace, config, used, Halt::NEVER)
+    }
+
+    /// The same for one search, unless it is ended before.
+    pub(super) fn until(
+        workspace: &'w Workspace,
+        config: ExactConfig,
+        used: Props,
+        halt: Halt<'w>,
+    ) -> Result<Self, Infeasible> {
+        let roadmap = Self::begin(workspace, config, used, halt);
+        match halt.is_due() {
+            true => Err(Infeasible::Halted),
+            false => Ok(roadmap),
+        }
+    }
+
+    fn begin(workspace: &'w Workspace, config: ExactConfig, used: Props, halt: Halt<'w>) -> Self {
         let nodes = Candidates::collect(workspace, &config, used);
         let mut roadmap = Self {
             workspace,
@@ -69,6 +88,7 @@ impl<'w> Roadmap<'w> {
             edges: vec![Vec::new(); nodes.len()],
             nodes,
             words: Words::default(),
+            halt,
         };
         roadmap.connect();
         roadmap
@@ -120,6 +140,9 @@ impl<'w> Roadmap<'w> {
 
     fn connect(&mut self) {
         for i in 0..self.nodes.len() {
+            if self.halt.is_due() {
+                return;
+            }
             for j in 0..i {
                 let (a, b) = (&self.nodes[i], &self.nodes[j]);
                 if !(a.may_bend_towards(b.at) && b.may_bend_towards(a.at)) {

@@ -189,8 +189,12 @@ impl Mission<'_> {
         let (before, after) = self.shares();
         let mut cycles = Cycles::new(self);
         let mut best = Best::default();
-        let mut goals = 0;
+        let (mut goals, mut popped) = (0, 0_u32);
         while let Some(Reverse(Entry(cost, s))) = queue.pop() {
+            popped += 1;
+            if self.ends_after(popped) {
+                break;
+            }
             if cost > labels.cost(s) {
                 continue;
             }
@@ -213,6 +217,10 @@ impl Mission<'_> {
                 }
             });
         }
+        let halted = best.plans.is_empty() && self.roadmap.halt.is_due();
+        if halted {
+            return Err(Infeasible::Halted);
+        }
         if goals == 0 {
             return Err(Infeasible::NoPrefix);
         }
@@ -221,6 +229,11 @@ impl Mission<'_> {
             true => Err(Infeasible::NoSuffix),
             false => Ok(found),
         }
+    }
+
+    /// Whether a search that has looked at so many states should end.
+    pub(super) fn ends_after(&self, popped: u32) -> bool {
+        popped.is_multiple_of(256) && self.roadmap.halt.is_due()
     }
 
     /// Whether the robot can stay at an accepting product state for ever.
@@ -254,7 +267,12 @@ impl Mission<'_> {
             labels.improve(s, 0.0, u32::MAX);
             queue.push(Reverse(Entry(0.0, s)));
         }
+        let mut popped = 0;
         while let Some(Reverse(Entry(cost, s))) = queue.pop() {
+            popped += 1;
+            if self.ends_after(popped) {
+                break;
+            }
             if cost > labels.cost(s) {
                 continue;
             }

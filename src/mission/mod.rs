@@ -33,6 +33,7 @@ use std::time::Instant;
 use nalgebra::Point2;
 
 use crate::automaton::{Limits, Nba, Task, TaskError};
+use crate::exact::{Bounds, Halt, Infeasible};
 use crate::guidance::Guidance;
 use crate::nn::{DeviceChoice, LoadError, PredictError};
 use crate::plan::{Bound, Cost, First, Path, PlanFile, PlanStats, StageSeconds};
@@ -136,7 +137,7 @@ pub enum MissionError {
     Plan(#[from] PlanError),
     /// The exact planner found nothing.
     #[error(transparent)]
-    Exact(#[from] crate::exact::Infeasible),
+    Exact(#[from] Infeasible),
     /// A plan was found but did not pass the checker: a fault of this program.
     #[error("a plan was found but refused, please report this as a fault of nngtl: {0}")]
     Refused(#[from] Refusal),
@@ -207,7 +208,7 @@ pub fn plan_task(
     let began = Instant::now();
     let task = Arc::new(task);
     if options.sampler == SamplerChoice::Exact {
-        return exact(scenario, &task, options).map_err(|e| explained(scenario, &task, e));
+        return exact(scenario, &task, options, stop).map_err(|e| explained(scenario, &task, e));
     }
     let problem = problem(scenario, Arc::clone(&task))?;
     check_reachable(scenario, &task, &*problem.system)?;
@@ -294,7 +295,9 @@ pub(crate) fn check_reachable(
 fn explained(scenario: &Scenario, task: &Task, e: MissionError) -> MissionError {
     let fruitless = matches!(
         e,
-        MissionError::Exact(_) | MissionError::Plan(PlanError::Unreachable(_))
+        MissionError::Exact(
+            Infeasible::Unsatisfiable | Infeasible::NoPrefix | Infeasible::NoSuffix
+        ) | MissionError::Plan(PlanError::Unreachable(_))
     );
     let world = fruitless.then(|| world(scenario).ok()).flatten();
     world
@@ -302,30 +305,57 @@ fn explained(scenario: &Scenario, task: &Task, e: MissionError) -> MissionError 
         .map_or(e, MissionError::Unreachable)
 }
 
-/// A lower bound beside a plan's cost: on grids the cost itself, as their product was searched exhaustively.
-fn bound(scenario: &Scenario, task: &Task, upper: f64) -> Option<Bound> {
+/// Lower bounds beside a plan's cost: on all plans, and on those of the product (on grids their least cost itself, `upper`, as their
+/// product was searched exhaustively). `None` if the work was ended.
+fn bound(
+    scenario: &Scenario,
+    task: &Task,
+    total: f64,
+    upper: f64,
+    halt: Halt<'_>,
+) -> Option<Bound> {
     let began = Instant::now();
-    let map = &scenario.workspace;
-    let cost = match scenario.grid {
-        None => crate::exact::quick_bound(map, scenario.start, task, scenario.weight, upper),
-        Some(_) => upper,
+    let (map, start, weight) = (&scenario.workspace, scenario.start, scenario.weight);
+    let least = match scenario.grid {
+        None => crate::exact::bounds_until(map, start, task, weight, upper, halt)?,
+        Some(_) => Bounds {
+            all: crate::exact::least_cost(map, start, task, weight, halt)?,
+            product: upper,
+        },
+    };
+    // Rounding must not lift a bound above the plan.
+    let product = (total >= least.product * (1.0 - 1e-9)).then_some(least.product.min(total));
+    let cost = least.all.min(total);
+    let gap = match total > 0.0 {
+        true => Some(total / cost - 1.0).filter(|gap| gap.is_finite()),
+        false => Some(0.0),
     };
     // Nothing is learned from a bound of 0, but of a plan that costs as little.
-    let gap = if upper > 0.0 { upper / cost - 1.0 } else { 0.0 };
-    gap.is_finite().then(|| Bound {
+    let is_told = gap.is_some() || product.is_some_and(|least| least > 0.0);
+    is_told.then(|| Bound {
         cost,
         gap,
+        product,
         seconds: began.elapsed().as_secs_f64(),
     })
 }
 
 /// Plans without sampling.
-fn exact(scenario: &Scenario, task: &Task, options: &Options) -> Result<Planned, MissionError> {
+fn exact(
+    scenario: &Scenario,
+    task: &Task,
+    options: &Options,
+    stop: &Stop,
+) -> Result<Planned, MissionError> {
     let began = Instant::now();
+    let budget = options.settings.time_budget();
+    let out_of_time = || budget.is_some_and(|b| began.elapsed() >= b);
+    let is_due = || stop.is_raised() || out_of_time();
+    let halt = Halt::when(&is_due);
     let (path, cost) = match scenario.grid {
         None => {
             let map = &scenario.workspace;
-            let plan = crate::exact::plan(map, scenario.start, task, scenario.weight)?;
+            let plan = crate::exact::plan_until(map, scenario.start, task, scenario.weight, halt)?;
             (plan.path, plan.cost)
         }
         Some(_) => {
@@ -336,35 +366,18 @@ fn exact(scenario: &Scenario, task: &Task, options: &Options) -> Result<Planned,
             })?
         }
     };
-    let search = began.elapsed().as_secs_f64();
-    let bound = bound(scenario, task, cost.total);
-    let (path, verified) = folded(scenario, task, path, &cost)?;
-    let total = verified.cost.total;
     let mut notices: Vec<String> = guide::unused_by(options.device, "exact")
         .into_iter()
         .collect();
-    // A plan that is none of the product can cost less than all of those.
-    let bound = bound.filter(|bound| {
-        let holds = total >= bound.cost * (1.0 - 1e-9);
-        if !holds {
-            notices.push(format!(
-                "no lower bound is told: the plan begins its loop sooner than any in the product of map and automaton, which cost {:.4} or more",
-                bound.cost
-            ));
-        }
-        holds
-    });
-    let gap = |bound: Bound| Bound {
-        gap: if total > 0.0 {
-            (total / bound.cost - 1.0).max(0.0)
-        } else {
-            0.0
-        },
-        ..bound
-    };
+    if out_of_time() {
+        let says = "the time limit ended the exact search: this is its best plan so far";
+        notices.push(says.to_owned());
+    }
+    let search = began.elapsed().as_secs_f64();
+    let (path, verified) = folded(scenario, task, path, &cost)?;
     let mut file = file(scenario, task, &path, verified.cost);
     file.sampler = Some("exact".to_owned());
-    file.bound = bound.map(gap);
+    file.bound = bound(scenario, task, verified.cost.total, cost.total, halt);
     let seconds = StageSeconds {
         search,
         total: began.elapsed().as_secs_f64(),

@@ -53,8 +53,7 @@ pub struct PlanFile {
     /// Lengths and their weighted sum.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cost: Option<Cost>,
-    /// What every path in the product of map and automaton costs at least that satisfies the task, and the seconds that it took to find
-    /// that out; from the exact planner. A plan whose loop begins before its automaton state comes back can cost less.
+    /// What every plan costs at least, and the seconds that it took to find that out; from the exact planner.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bound: Option<Bound>,
     /// What the first plan took and cost.
@@ -81,10 +80,15 @@ pub struct PlanPoint {
 /// A lower bound on what plans cost.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bound {
-    /// No plan in the product costs less, in map units.
+    /// No plan costs less, in map units.
     pub cost: f64,
-    /// By how much the plan that was found there costs more at most: 0.05 is 5 %. The file's plan may cost less than that one.
-    pub gap: f64,
+    /// By how much the file's plan costs more than the cheapest at most: 0.05 is 5 %. Absent beside a bound of 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gap: Option<f64>,
+    /// No plan costs less whose suffix comes back to its automaton state, as planners' do. Absent where the file's plan costs less than that:
+    /// its loop begins sooner.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub product: Option<f64>,
     /// Seconds that it took.
     pub seconds: f64,
 }

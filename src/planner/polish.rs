@@ -7,6 +7,7 @@
 //! "RRT*-SMART: a rapid convergence implementation of RRT*", IJARS 2013), so that the tree holds it,
 //! too. Nothing here looks at any other plan than the search's own.
 
+use std::cell::Cell;
 use std::collections::VecDeque;
 
 use nalgebra::Point2;
@@ -25,6 +26,12 @@ pub(super) const PROMISING: f64 = 1.4;
 /// takes no more than about the share of the time that growing takes.
 const ALLOWANCE: u64 = 4;
 const PERIOD: u64 = 16;
+
+/// The corners of obstacles that ways around obstacles may meet: to find a way takes about the time of all that the map has, some two
+/// microseconds each. At first so many, and then so many for each iteration: on small maps more than is ever asked for, on large
+/// ones less than the time of growing.
+const CORNERS_AT_FIRST: u64 = 200_000;
+const CORNERS_EACH: u64 = 5;
 
 /// Passes over the points of a plan.
 const SWEEPS: usize = 12;
@@ -70,6 +77,8 @@ pub(super) struct Polish<'a> {
     pub(super) beacons: VecDeque<Point2<f64>>,
     /// The cost of the plan for which other entries were last looked for.
     pub(super) looked_around: f64,
+    /// The corners that ways around obstacles may have met so far.
+    walked: Cell<u64>,
 }
 
 impl<'a> Polish<'a> {
@@ -80,7 +89,20 @@ impl<'a> Polish<'a> {
             done: 0,
             beacons: VecDeque::new(),
             looked_around: f64::INFINITY,
+            walked: Cell::new(0),
         }
+    }
+
+    /// Whether another way around obstacles may be looked for.
+    pub(super) fn may_walk(&self, iterations: u64) -> bool {
+        self.walked.get()
+            <= CORNERS_AT_FIRST.saturating_add(CORNERS_EACH.saturating_mul(iterations))
+    }
+
+    /// Takes note of a way around obstacles that was looked for.
+    pub(super) fn has_walked(&self) {
+        let corners = self.shortener.corner_count() as u64;
+        self.walked.set(self.walked.get() + corners);
     }
 
     /// Takes note of a plan that was found.

@@ -5,7 +5,7 @@ mod growth;
 mod plans;
 mod turns;
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use rustc_hash::FxHashMap;
 
@@ -27,8 +27,11 @@ pub(super) use ground::Ground;
 use growth::{grow, grow_to};
 use turns::Turn;
 
-/// Iterations between two looks at the clock, the stop flag and the observer.
+/// Iterations between two looks at the clock, the stop flag and the observer, a power of two; fewer where they take long.
 const HEARTBEAT: u64 = 32;
+
+/// What may pass between two looks: half of it makes them more frequent.
+const PULSE: Duration = Duration::from_millis(20);
 
 /// So many nodes below those that are rerouted get cheaper in one iteration at most: more than in
 /// nearly all iterations on automata of a few states.
@@ -97,6 +100,24 @@ const FIRST_ENTRY: u64 = 8;
 fn is_entry_due(iterations: u64) -> bool {
     let doubled = iterations >= FIRST_ENTRY && iterations.is_power_of_two();
     doubled || iterations.is_multiple_of(ENTRY_PERIOD)
+}
+
+/// When a search must end, for what takes long between two looks at the clock.
+pub(super) struct Deadline<'s> {
+    stop: &'s Stop,
+    began: Instant,
+    budget: Option<Duration>,
+}
+
+impl Deadline<'_> {
+    fn is_out_of_time(&self) -> bool {
+        self.budget.is_some_and(|b| self.began.elapsed() >= b)
+    }
+
+    /// Whether it has come.
+    pub(super) fn has_come(&self) -> bool {
+        self.stop.is_raised() || self.is_out_of_time()
+    }
 }
 
 /// The best plan so far.
@@ -212,7 +233,12 @@ impl<'a> Search<'a> {
     }
 
     fn run(&mut self, stop: &Stop, observe: &mut dyn FnMut(Progress)) -> EndReason {
-        let budget = self.settings.time_budget();
+        let deadline = Deadline {
+            stop,
+            began: self.began,
+            budget: self.settings.time_budget(),
+        };
+        let (mut pace, mut looked) = (1, Instant::now());
         self.look_at_prefix(); // the start may be a goal already
         loop {
             if self.settings.first && self.best.is_some() {
@@ -221,7 +247,14 @@ impl<'a> Search<'a> {
             if self.stats.iterations >= self.settings.iterations {
                 return EndReason::Iterations;
             }
-            if self.stats.iterations.is_multiple_of(HEARTBEAT) {
+            if self.stats.iterations.is_multiple_of(pace) {
+                let passed = looked.elapsed();
+                looked += passed;
+                pace = match passed {
+                    p if p > PULSE / 2 => (pace / 2).max(1),
+                    p if p < PULSE / 8 => (pace * 2).min(HEARTBEAT),
+                    _ => pace,
+                };
                 observe(Progress {
                     iterations: self.stats.iterations,
                     nodes: self.node_count(),
@@ -233,7 +266,7 @@ impl<'a> Search<'a> {
                 if self.race.is_some_and(|r| r.is_lost(self.stats.iterations)) {
                     return EndReason::First;
                 }
-                if budget.is_some_and(|b| self.began.elapsed() >= b) {
+                if deadline.is_out_of_time() {
                     return EndReason::Time;
                 }
             }
@@ -249,7 +282,7 @@ impl<'a> Search<'a> {
             }
             self.shorten();
             if is_entry_due(self.stats.iterations) {
-                self.enter_again();
+                self.enter_again(&deadline);
             }
         }
     }

@@ -139,6 +139,11 @@ impl<'a> Shortener<'a> {
             .filter(|(path, _)| self.is_firm_path(path))
     }
 
+    /// How many corners of obstacles ways can bend at.
+    pub(crate) fn corner_count(&self) -> usize {
+        self.corners.len()
+    }
+
     /// The letters that some guard of the automaton admits: no plan passes through others.
     pub(crate) fn passable(&self) -> &LetterSet {
         &self.passable

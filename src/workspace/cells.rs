@@ -6,6 +6,7 @@ use geo::{
 use geo::{MultiPolygon, TriangulateEarcut};
 use nalgebra::{Point2, Vector2};
 
+use super::mesh::cut;
 use super::{Bounds, Polygon, Region};
 use crate::alphabet::Props;
 use crate::random::{Random, unit};
@@ -20,6 +21,10 @@ const MAX_CORNERS: usize = 16;
 /// How far inside the cell the places at its corners lie: this share of the way to the centre of a triangle there.
 const INWARD: f64 = 0.02;
 
+/// Cells with more holes are cut by Delaunay's triangulation, as clipping ears takes time that grows with the square of their number:
+/// seconds for ten thousand.
+const MANY_HOLES: usize = 64;
+
 /// A connected part of the free space that carries one letter.
 #[derive(Clone, Debug)]
 pub struct Cell {
@@ -32,22 +37,17 @@ pub struct Cell {
 
 impl Cell {
     pub(super) fn new(part: geo::Polygon<f64>, inner: Point2<f64>) -> Self {
-        let point = |c: &Coord<f64>| Point2::new(c.x, c.y);
         let ring = |r: &LineString<f64>| -> Vec<Point2<f64>> {
             r.0[..r.0.len().saturating_sub(1)]
                 .iter()
                 .map(point)
                 .collect()
         };
-        let outline = std::iter::once(part.exterior())
+        let outline: Vec<Vec<Point2<f64>>> = std::iter::once(part.exterior())
             .chain(part.interiors())
             .map(ring)
             .collect();
-        let triangles: Vec<[Point2<f64>; 3]> = part
-            .earcut_triangles()
-            .iter()
-            .map(|t| t.to_array().map(|c| point(&c)))
-            .collect();
+        let triangles = triangles(&part, &outline);
         let mut sum = 0.0;
         let areas = triangles
             .iter()
@@ -132,6 +132,28 @@ impl Cell {
         }
         a + (b - a) * u + (c - a) * v
     }
+}
+
+fn point(c: &Coord<f64>) -> Point2<f64> {
+    Point2::new(c.x, c.y)
+}
+
+/// Cuts a cell with these rings into triangles.
+fn triangles(part: &geo::Polygon<f64>, rings: &[Vec<Point2<f64>>]) -> Vec<[Point2<f64>; 3]> {
+    if part.interiors().len() > MANY_HOLES {
+        let found = cut(rings);
+        let area = |[a, b, c]: &[Point2<f64>; 3]| (b - a).perp(&(c - a)).abs() / 2.0;
+        let (sum, whole) = (found.iter().map(area).sum::<f64>(), part.unsigned_area());
+        // Holes that touch in ways that leave inside and outside open are for the other method.
+        if (sum - whole).abs() <= 1e-6 * whole {
+            return found;
+        }
+    }
+    let triangles = part.earcut_triangles();
+    triangles
+        .iter()
+        .map(|t| t.to_array().map(|c| point(&c)))
+        .collect()
 }
 
 /// Cuts the free space into connected parts by the set of regions that contain them.

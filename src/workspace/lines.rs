@@ -28,7 +28,7 @@ pub(super) struct Points {
 }
 
 impl Points {
-    fn new(snap: f64) -> Self {
+    pub(super) fn new(snap: f64) -> Self {
         Self {
             at: Vec::new(),
             buckets: FxHashMap::default(),
@@ -57,7 +57,7 @@ impl Points {
     }
 
     /// The number of `p`, or of the point that it snaps to.
-    fn add(&mut self, p: Point2<f64>) -> u32 {
+    pub(super) fn add(&mut self, p: Point2<f64>) -> u32 {
         if let Some(known) = self.find(p) {
             return known;
         }

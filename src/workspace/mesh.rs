@@ -298,6 +298,48 @@ struct View {
     left: nalgebra::Vector2<f64>,
 }
 
+/// Cuts what lies within an odd number of rings into triangles.
+pub(super) fn cut(rings: &[Vec<Point2<f64>>]) -> Vec<[Point2<f64>; 3]> {
+    let corners = || rings.iter().flatten();
+    let Some(&first) = corners().next() else {
+        return Vec::new();
+    };
+    let (min, max) = corners().fold((first, first), |(min, max), p| (min.inf(p), max.sup(p)));
+    let mut points = Points::new(1e-12 * (max - min).max());
+    let mut edges = Vec::new();
+    for ring in rings {
+        let numbers: Vec<u32> = ring.iter().map(|&p| points.add(p)).collect();
+        let next = numbers.iter().cycle().skip(1);
+        let pairs = numbers.iter().zip(next);
+        edges.extend(pairs.map(|(&a, &b)| [a.min(b), a.max(b)]));
+    }
+    edges.retain(|[a, b]| a != b);
+    edges.sort_unstable();
+    // What two rings share has the same on both sides.
+    let alone = edges.chunk_by(|a, b| a == b).filter(|e| e.len() % 2 == 1);
+    let edges: Vec<[u32; 2]> = alone.map(|e| e[0]).collect();
+    let (all, neighbours) = triangulate(&mut points, &edges);
+    // Inside and outside change at each border, from the outermost triangles on.
+    let mut inside: Vec<Option<bool>> = vec![None; all.len()];
+    let outermost = |t: usize| neighbours[t].iter().find(|(n, _)| *n == NONE);
+    let mut open: Vec<usize> = (0..all.len()).filter(|&t| outermost(t).is_some()).collect();
+    for &t in &open {
+        inside[t] = outermost(t).map(|&(_, border)| border);
+    }
+    while let Some(t) = open.pop() {
+        for &(n, border) in &neighbours[t] {
+            if n != NONE && inside[n as usize].is_none() {
+                inside[n as usize] = inside[t].map(|here| here != border);
+                open.push(n as usize);
+            }
+        }
+    }
+    let found = all.iter().zip(&inside).filter(|(_, i)| **i == Some(true));
+    found
+        .map(|(t, _)| t.map(|c| points.at[c as usize]))
+        .collect()
+}
+
 /// For each triangle and corner: the triangle beyond the opposite edge, and whether that edge is
 /// a border.
 pub(super) type Neighbours = Vec<[(u32, bool); 3]>;

@@ -3,7 +3,7 @@
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 
-use super::{Gates, Relations};
+use super::{Gates, Halt, Relations};
 use crate::alphabet::Letter;
 use crate::automaton::Task;
 use crate::queue::Entry;
@@ -46,6 +46,8 @@ pub(super) struct Product<'t> {
     /// For each node the numbers of the legs from it, and to it.
     pub(super) out: Vec<Vec<u32>>,
     pub(super) into: Vec<Vec<u32>>,
+    /// When to end; costs that are found after that are too high.
+    pub(super) halt: Halt<'t>,
 }
 
 impl<'t> Product<'t> {
@@ -131,6 +133,7 @@ impl<'t> Product<'t> {
             legs,
             out: Vec::new(),
             into: Vec::new(),
+            halt: Halt::NEVER,
         };
         product.index();
         product
@@ -156,6 +159,9 @@ impl<'t> Product<'t> {
     ) -> Vec<f64> {
         let mut found = vec![f64::INFINITY; self.nodes.len()];
         let mut queue = BinaryHeap::new();
+        if self.halt.is_due() {
+            return found;
+        }
         for (n, cost) in seeds {
             if cost < found[n] && cost < limit {
                 found[n] = cost;
@@ -214,7 +220,7 @@ impl<'t> Product<'t> {
     pub(super) fn lengthen(&mut self, gates: &mut Gates) {
         for leg in &mut self.legs {
             let (from, to) = (self.nodes[leg.from as usize], self.nodes[leg.to as usize]);
-            if from.gate != to.gate {
+            if from.gate != to.gate && !self.halt.is_due() {
                 leg.length = leg
                     .length
                     .max(gates.around(from.letter, from.gate, to.gate));

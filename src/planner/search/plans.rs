@@ -2,7 +2,7 @@
 
 use nalgebra::Point2;
 
-use super::{Best, ENTRY_PERIOD, Search};
+use super::{Best, Deadline, ENTRY_PERIOD, Search};
 use crate::alphabet::LetterSet;
 use crate::plan::{Cost, Path, Waypoint};
 use crate::planner::Improvement;
@@ -119,7 +119,7 @@ impl Search<'_> {
 
     /// Looks for better entries to the best plan's suffix and, in turn, to those of other goals, and for other ways and orders
     /// of the best plan.
-    pub(super) fn enter_again(&mut self) {
+    pub(super) fn enter_again(&mut self, deadline: &Deadline<'_>) {
         let Some(best) = &mut self.best else { return };
         if best.path.suffix.len() > 1 {
             let (goal, length) = (best.goal, best.cost.suffix);
@@ -138,7 +138,7 @@ impl Search<'_> {
                 }
             }
         }
-        self.look_around();
+        self.look_around(deadline);
         if !self.suffixes.is_empty() {
             let turn = self.stats.iterations / ENTRY_PERIOD;
             self.consider_suffix((turn % self.suffixes.len() as u64) as usize);
@@ -146,18 +146,28 @@ impl Search<'_> {
     }
 
     /// Gives the best plan's legs other ways around obstacles, enters its suffix along one, and visits in another order, if that is
-    /// cheaper. Once for each best plan.
-    fn look_around(&mut self) {
+    /// cheaper. Once for each best plan, and on large maps, where a way takes long to find, no more often than growing leaves time for.
+    fn look_around(&mut self, deadline: &Deadline<'_>) {
         let (Some(polish), Some(best)) = (&mut self.polish, &self.best) else {
             return;
         };
-        if polish.looked_around == best.cost.total {
+        if polish.looked_around == best.cost.total || !polish.may_walk(self.stats.iterations) {
             return;
         }
         polish.looked_around = best.cost.total;
         let system = &*self.problem.system;
         let passable = polish.shortener.passable();
-        let walk = |from, to| way(system, from, to, passable).unwrap_or_default();
+        let (polish, iterations) = (&*polish, self.stats.iterations);
+        let walk = |from, to| {
+            if deadline.has_come() || !polish.may_walk(iterations) {
+                return Vec::new();
+            }
+            let way = way(system, from, to, passable);
+            if way.as_ref().is_none_or(|way| way.len() > 1) {
+                polish.has_walked();
+            }
+            way.unwrap_or_default()
+        };
         let goal = best.goal;
         let others: Vec<_> = polish.shortener.others(&best.path, &walk).collect();
         for (path, cost) in others {

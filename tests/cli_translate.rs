@@ -89,3 +89,14 @@ fn names_that_begin_like_operators_are_told() {
         assert_eq!((run.code, run.err.as_str()), (0, ""), "{plain}: {run:?}");
     }
 }
+
+#[test]
+fn an_empty_automaton_is_told() {
+    let run = nngtl(&["translate", "a & !a"]);
+    assert_eq!(run.code, 0, "{run:?}");
+    assert!(run.err.contains("no word satisfies"), "{run:?}");
+    let scenario = shipped("case-study.toml");
+    let run = nngtl(&["translate", "F (l1 & l2)", "--scenario", &scenario]);
+    assert_eq!(run.code, 0, "{run:?}");
+    assert!(run.err.contains("letters of this map"), "{run:?}");
+}

@@ -28,6 +28,13 @@ pub(super) fn run(args: &TranslateArgs, console: &Console) -> Result<(), Failure
     let nba = nba?;
     let task = Task::from_trimmed(nba, Some(parsed.formula.clone()));
     let written = show(&task.nba, args.format);
+    if task.nba.is_empty() {
+        let what = match args.scenario {
+            Some(_) => "no walk over the letters of this map satisfies the formula",
+            None => "no word satisfies the formula",
+        };
+        console.warn(&format!("{what}: the automaton is empty"));
+    }
     let text = if console.json() {
         let object = json!({
             "version": JSON_VERSION,

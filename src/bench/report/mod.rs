@@ -218,7 +218,12 @@ fn ratio_row(
         let capped = [0, 1].map(|side| sums.values().any(|pair| pair[side].2));
         Some(Ratio::of_means(&pairs)?.with_capped(capped))
     };
-    let (prefix, plan): (fn(&Trial) -> _, fn(&Trial) -> _) = (|t| t.prefix, |t| t.plan);
+    fn prefix(trial: &Trial) -> Option<First> {
+        trial.prefix
+    }
+    fn plan(trial: &Trial) -> Option<First> {
+        trial.plan
+    }
     RatioRow {
         group: group.to_owned(),
         contender: contender.clone(),

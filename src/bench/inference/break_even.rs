@@ -28,6 +28,8 @@ pub struct MissionTimes {
     pub biased_ms: f64,
     /// Guided search, inference left out.
     pub guided_ms: f64,
+    /// The same by predictions that say nothing, and take nothing.
+    pub flat_ms: f64,
     /// Encoding and inference, with networks that are loaded.
     pub inference_ms: f64,
 }
@@ -47,6 +49,8 @@ pub struct BreakEven {
     pub guided_ms: Summary,
     /// Guided search as a share of biased search, inference left out.
     pub search_ratio: Ratio,
+    /// The control: what the rules do without networks, as a share of biased search.
+    pub flat_ratio: Ratio,
     /// Guided search with inference as a share of biased search.
     pub total_ratio: Ratio,
     /// Share of the missions that guidance with inference finished sooner.
@@ -127,7 +131,7 @@ pub fn generated_cases(seed: u64, count: usize, predictor: &mut Predictor) -> Ve
     cases
 }
 
-/// Searches every mission with both samplers until its first plan.
+/// Searches every mission with both samplers, and the flat control, until its first plan.
 ///
 /// Missions that neither finds a plan for in any run are left out. `None` if none is left.
 ///
@@ -142,7 +146,7 @@ pub fn break_even(
     progress: &mut dyn FnMut(usize),
 ) -> Result<Option<BreakEven>, BenchError> {
     let comparison = Comparison {
-        contenders: [Strategy::Biased, Strategy::Guided]
+        contenders: [Strategy::Biased, Strategy::Guided, Strategy::Flat]
             .map(Into::into)
             .to_vec(),
         trials,
@@ -173,6 +177,7 @@ pub fn break_even(
             name: case.name.clone(),
             biased_ms: mean_ms(Strategy::Biased),
             guided_ms: mean_ms(Strategy::Guided),
+            flat_ms: mean_ms(Strategy::Flat),
             inference_ms: 1e3 * case.predictions.first().map_or(0.0, Prediction::seconds),
         });
     }
@@ -200,6 +205,7 @@ impl BreakEven {
             biased_ms: Summary::of(&all(|m| m.biased_ms))?,
             guided_ms: Summary::of(&all(|m| m.guided_ms))?,
             search_ratio,
+            flat_ratio: Ratio::of_means(&pairs(|m| m.flat_ms))?,
             total_ratio: Ratio::of_means(&pairs(|m| m.guided_ms + m.inference_ms))?,
             sooner: missions.iter().filter(sooner).count() as f64 / missions.len() as f64,
             break_even_ms: even(search_ratio.value),
@@ -212,12 +218,15 @@ impl BreakEven {
     #[must_use]
     pub fn line(&self) -> String {
         let basis = format!(
-            "inference on {} takes {:.2} ms, guided search {:.2} [{:.2}, {:.2}] of biased search",
+            "inference on {} takes {:.2} ms, guided search {:.2} [{:.2}, {:.2}] of biased search, with flat predictions {:.2} [{:.2}, {:.2}]",
             self.device,
             self.inference_ms.median,
             self.search_ratio.value,
             self.search_ratio.low,
-            self.search_ratio.high
+            self.search_ratio.high,
+            self.flat_ratio.value,
+            self.flat_ratio.low,
+            self.flat_ratio.high
         );
         let worst = match self.break_even_range_ms[1] {
             Some(ms) => format!("{ms:.1}"),
@@ -242,6 +251,7 @@ mod tests {
                 name: k.to_string(),
                 biased_ms: f64::from(k),
                 guided_ms: guided * f64::from(k),
+                flat_ms: 0.5 * f64::from(k),
                 inference_ms: 3.0,
             })
             .collect()
@@ -254,6 +264,7 @@ mod tests {
         // From 13 ms on guidance is sooner: eight of twenty.
         assert!((even.sooner - 0.4).abs() < 1e-9);
         assert!(even.line().contains("pays from 12.0 ms"), "{}", even.line());
+        assert!((even.flat_ratio.value - 0.5).abs() < 1e-9);
     }
 
     #[test]

@@ -246,3 +246,35 @@ fn a_spent_budget_tells_how_far_the_automaton_got() {
         other => panic!("{other}"),
     }
 }
+
+#[test]
+fn three_regions_that_meet_in_pairs_alone_are_named() {
+    let text = r#"
+start = [0.1, 0.1]
+task = "F (a & b & c)"
+[workspace]
+bounds = [[0, 0], [1, 1]]
+[workspace.regions]
+a = [[0.3, 0.3], [0.7, 0.3], [0.7, 0.4], [0.3, 0.4]]
+b = [[0.3, 0.3], [0.4, 0.3], [0.4, 0.7], [0.3, 0.7]]
+c = [[0.7, 0.32], [0.7, 0.38], [0.36, 0.7], [0.30, 0.7]]
+d = [[0.8, 0.8], [0.9, 0.8], [0.9, 0.9]]
+"#;
+    let spec: ScenarioSpec = toml::from_str(text).unwrap();
+    let apart = LetterFact::Apart {
+        regions: ["a", "b", "c"].map(String::from).to_vec(),
+    };
+    for task in ["F (a & b & c)", "F (a & b & c) & G F d"] {
+        let spec = ScenarioSpec {
+            task: Some(task.to_owned()),
+            ..spec.clone()
+        };
+        let scenario = Scenario::from_spec(&spec).unwrap();
+        let why = mission::plan(&scenario, &Options::default()).expect_err(task);
+        let MissionError::NotOnThisMap(why) = why else {
+            panic!("{why}");
+        };
+        assert_eq!(why.facts, std::slice::from_ref(&apart), "{task}");
+        assert!(why.to_string().contains("all of `a`, `b` and `c`"), "{why}");
+    }
+}

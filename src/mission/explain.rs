@@ -47,6 +47,11 @@ pub enum LetterFact {
         /// The other.
         other: String,
     },
+    /// No free point lies in all of three or more regions, though one does in any fewer of them.
+    Apart {
+        /// The regions.
+        regions: Vec<String>,
+    },
     /// Every free point of the region lies in the other.
     Inside {
         /// The inner region.
@@ -68,6 +73,10 @@ impl fmt::Display for LetterFact {
             Self::Disjoint { region, other } => {
                 write!(f, "`{region}` and `{other}` have no free point in common")
             }
+            Self::Apart { regions } => {
+                let names: Vec<String> = regions.iter().map(|r| format!("`{r}`")).collect();
+                write!(f, "no free point lies in all of {}", join(&names))
+            }
             Self::Inside { region, other } => {
                 write!(f, "every free point of `{region}` lies in `{other}`")
             }
@@ -83,7 +92,7 @@ impl fmt::Display for LetterFact {
 #[error("the formula can be satisfied, but not on this map: {}", self.reason())]
 pub struct NotOnThisMap {
     /// Facts of the map that together rule the formula out, none of which can be left out. Empty
-    /// if facts about single regions and pairs do not suffice.
+    /// if facts of these kinds do not suffice.
     pub facts: Vec<LetterFact>,
     /// How many letters occur on the map.
     pub letters: usize,
@@ -145,6 +154,9 @@ impl NotOnThisMap {
                 region: name(i),
                 other: name(j),
             },
+            Fact::NotAll(regions) => LetterFact::Apart {
+                regions: regions.iter().map(name).collect(),
+            },
             Fact::Implies(i, j) => LetterFact::Inside {
                 region: name(i),
                 other: name(j),
@@ -202,11 +214,13 @@ enum Fact {
     Never(usize),
     NotBoth(usize, usize),
     Implies(usize, usize),
+    /// Three or more, though any fewer of them occur together.
+    NotAll(Props),
     Some,
 }
 
 impl Fact {
-    /// What holds of the regions, alone and in pairs, wherever the robot can be.
+    /// What holds of the regions wherever the robot can be: of each, of pairs, and which of them never meet.
     fn all(alphabet: &Alphabet, regions: &[usize]) -> Vec<Self> {
         let letters: Vec<Props> = alphabet.letters().map(|l| alphabet.props(l)).collect();
         let occurs = |test: &dyn Fn(Props) -> bool| letters.iter().any(|&p| test(p));
@@ -224,6 +238,15 @@ impl Fact {
                         facts.push(Self::Implies(i, j));
                     }
                 }
+            }
+        }
+        let meet = |set: Props| occurs(&|p| set.0 & !p.0 == 0);
+        for set in 1_u64..1 << seen.len().min(MAX_REGIONS) {
+            let members = Props(set).iter().map(|k| seen[k]);
+            let set = members.fold(Props::EMPTY, Props::with);
+            let mut fewer = set.iter().map(|i| Props(set.0 & !(1 << i)));
+            if set.len() > 2 && !meet(set) && fewer.all(meet) {
+                facts.push(Self::NotAll(set));
             }
         }
         if !occurs(&|p| regions.iter().all(|&i| !p.contains(i))) {
@@ -250,6 +273,7 @@ fn rule_out(facts: &[Fact], formula: &Formula, alphabet: &Alphabet, limits: &Lim
             Fact::Never(i) => !has(i),
             Fact::NotBoth(i, j) => !(has(i) && has(j)),
             Fact::Implies(i, j) => !has(i) || has(j),
+            Fact::NotAll(regions) => !regions.iter().all(has),
             Fact::Some => set != 0,
         })
     };

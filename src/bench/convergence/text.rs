@@ -203,8 +203,12 @@ fn write_spent(
             .filter_map(|(case, s)| Some((of_mission(s), of_mission(against.get(case)?))))
             .collect();
         let never = |all: &BySearch<'_>| all.values().flatten().any(|s| s.never);
+        let capped = match contender.strategy {
+            Strategy::Biased => [false; 2],
+            _ => [never(mine), never(against)],
+        };
         let ratio = Ratio::of_means(&pairs);
-        cell_or_dash(ratio.map(|r| r.with_capped([never(mine), never(against)])))
+        cell_or_dash(ratio.map(|r| r.with_capped(capped)))
     };
     let _ = writeln!(
         text,

@@ -14,6 +14,7 @@
 mod around;
 mod bound;
 mod cycles;
+mod distance;
 mod halt;
 mod mission;
 mod roadmap;

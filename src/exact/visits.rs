@@ -14,24 +14,17 @@
 //! sets of regions (M. Held, R. M. Karp, "A dynamic programming approach to sequencing problems", 1962), with what legs between
 //! pieces are at least (proof: [`bound`](super::bound)).
 
-use std::cell::OnceCell;
-use std::sync::Arc;
+mod duties;
+mod pieces;
 
 use nalgebra::Point2;
 
 use super::Halt;
-use super::bound::{RESOLUTION, are_apart, segment_distance};
-use crate::alphabet::{LetterSet, Props};
-use crate::automaton::{Nba, Task};
-use crate::shorten::used_regions;
-use crate::workspace::visibility::{PathsTo, VisibilityGraph};
-use crate::workspace::{Polygon, Side, Workspace};
-
-/// So many places count at most: the work doubles with each.
-const MOST_DUTIES: usize = 10;
-
-/// Into about so many pieces borders are cut.
-const PIECES: f64 = 72.0;
+use super::distance::RESOLUTION;
+use crate::automaton::Task;
+use crate::workspace::Workspace;
+use duties::{Duty, duties};
+use pieces::Pieces;
 
 /// What every plan costs at least that satisfies the task, whether or not it is one of the product with the automaton; `weight` is the
 /// prefix's share λ of the cost. `None` if the work was ended before that was known.
@@ -61,167 +54,7 @@ pub fn least_cost(
     Some((least - RESOLUTION * workspace.bounds().side()).max(0.0))
 }
 
-/// A place that the language asks for: a region, or what two regions have in common.
-#[derive(Debug, PartialEq)]
-struct Duty {
-    regions: Props,
-    /// Whether every loop holds it.
-    recurring: bool,
-    /// The duties that are never seen for the first time after this one, as bits.
-    before: u32,
-}
-
-/// What the language asks for.
-fn duties(workspace: &Workspace, task: &Task) -> Vec<Duty> {
-    let nba = &task.nba;
-    let alphabet = workspace.alphabet();
-    let all = alphabet.all();
-    let within = |place: Props| alphabet.filter(|props| place.0 & !props.0 == 0);
-    let without = |place: Props| within(place).complement();
-    let used: Vec<usize> = used_regions(workspace, task).iter().collect();
-    let pairs = used.iter().enumerate().flat_map(|(k, &r)| {
-        let others = used[k + 1..].iter();
-        others.map(move |&s| Props::single(r).with(s))
-    });
-    let meeting = pairs.filter(|&pair| !within(pair).is_empty());
-    let singles = used.iter().map(|&r| Props::single(r));
-    let needed = meeting
-        .chain(singles)
-        .filter(|&place| !accepts(nba, &without(place), &without(place)))
-        .map(|place| (!accepts(nba, &all, &without(place)), place));
-    let mut needed: Vec<(bool, Props)> = needed.collect();
-    // A pair says all that its regions do, unless these recur and it does not.
-    let told = |&(recurring, place): &(bool, Props)| {
-        let holds = |other: &(bool, Props)| place != other.1 && place.0 & !other.1.0 == 0;
-        needed
-            .iter()
-            .any(|other| holds(other) && other.0 >= recurring)
-    };
-    let told: Vec<bool> = needed.iter().map(told).collect();
-    let mut told = told.iter();
-    needed.retain(|_| told.next() == Some(&false));
-    // Where there are too many, those that cost the most.
-    needed.sort_by_key(|&(recurring, place)| (!recurring, place.0));
-    needed.truncate(MOST_DUTIES);
-    let comes_first = |first: Props, then: Props| {
-        let early = reached(nba, &without(first));
-        let mut too_early = within(then);
-        too_early.subtract(&within(first));
-        let steps = nba.transitions.iter().zip(&early);
-        let mut steps = steps.filter(|(_, early)| **early).flat_map(|(t, _)| t);
-        first != then && steps.all(|t| t.guard.is_disjoint(&too_early))
-    };
-    let duty = |&(recurring, regions): &(bool, Props)| Duty {
-        regions,
-        recurring,
-        before: (0..needed.len())
-            .filter(|&i| comes_first(needed[i].1, regions))
-            .fold(0, |set, i| set | 1 << i),
-    };
-    needed.iter().map(duty).collect()
-}
-
-/// The states that words over some letters lead to.
-fn reached(nba: &Nba, letters: &LetterSet) -> Vec<bool> {
-    let mut seen = vec![false; nba.len()];
-    let mut open: Vec<usize> = nba.initial.iter().map(|q| q.index()).collect();
-    while let Some(q) = open.pop() {
-        if !std::mem::replace(&mut seen[q], true) {
-            open.extend(steps(nba, q, letters));
-        }
-    }
-    seen
-}
-
-fn steps<'n>(nba: &'n Nba, q: usize, letters: &'n LetterSet) -> impl Iterator<Item = usize> + 'n {
-    let taken = nba.transitions[q].iter();
-    taken
-        .filter(|t| !t.guard.is_disjoint(letters))
-        .map(|t| t.target.index())
-}
-
-/// Whether the automaton accepts a word that holds some letters alone, and from some moment on others alone.
-fn accepts(nba: &Nba, ever: &LetterSet, at_last: &LetterSet) -> bool {
-    let reached = reached(nba, ever);
-    let accepting = nba.states().filter(|&q| nba.is_accepting(q));
-    accepting
-        .map(|q| q.index())
-        .filter(|&q| reached[q])
-        .any(|goal| {
-            let mut seen = vec![false; nba.len()];
-            let mut open: Vec<usize> = steps(nba, goal, at_last).collect();
-            while let Some(q) = open.pop() {
-                if q == goal {
-                    return true;
-                }
-                if !std::mem::replace(&mut seen[q], true) {
-                    open.extend(steps(nba, q, at_last));
-                }
-            }
-            false
-        })
-}
-
-/// A piece of the border of a place that is asked for, free of obstacles.
-struct Piece {
-    ends: Ends,
-    /// The number of the duty.
-    duty: usize,
-}
-
-/// Pieces of borders, and what legs between them are at least.
-struct Pieces {
-    all: Vec<Piece>,
-    /// Row by row.
-    between: Vec<f64>,
-    from_start: Vec<f64>,
-    /// The duties that the start fulfils, as bits.
-    at_start: u32,
-    /// For each duty, whether its place is apart from all others.
-    apart: Vec<bool>,
-}
-
 impl Pieces {
-    fn new(
-        map: &Workspace,
-        start: Point2<f64>,
-        duties: &[Duty],
-        task: &Task,
-        halt: Halt<'_>,
-    ) -> Option<Self> {
-        let here = map.letter_at(start).map(|l| map.alphabet().props(l));
-        let is_here = |d: &Duty| here.is_some_and(|props| d.regions.0 & !props.0 == 0);
-        let bit = |(i, _): (usize, &Duty)| 1_u32 << i;
-        let fulfilled = duties.iter().enumerate().filter(|(_, d)| is_here(d));
-        let at_start = fulfilled.map(bit).fold(0, |set, bit| set | bit);
-        let is_apart = |d: &Duty| {
-            let mut others = duties.iter().filter(|other| *other != d);
-            others.all(|other| are_duties_apart(map, d, other))
-        };
-        let mut pieces = Self {
-            all: cut(map, duties),
-            between: Vec::new(),
-            from_start: Vec::new(),
-            at_start,
-            apart: duties.iter().map(is_apart).collect(),
-        };
-        let space = space(map, start, task);
-        let count = pieces.all.len();
-        pieces.between = vec![0.0; count * count];
-        for i in 0..count {
-            if halt.is_due() {
-                return None;
-            }
-            let legs = Legs::new(space.as_ref(), pieces.all[i].ends);
-            for j in 0..i {
-                let least = legs.from(pieces.all[j].ends);
-                (pieces.between[i * count + j], pieces.between[j * count + i]) = (least, least);
-            }
-            pieces.from_start.push(legs.from((start, start)));
-        }
-        Some(pieces)
-    }
-
     /// The least length of a path from the start by all places, `closed` with the way back.
     fn path(&self, duties: &[Duty], closed: bool) -> f64 {
         let full = (1_u32 << duties.len()) - 1;
@@ -301,161 +134,14 @@ impl Pieces {
     }
 }
 
-/// The map with the regions that no accepted word holds as obstacles, as far as they are apart from all else.
-fn space(map: &Workspace, start: Point2<f64>, task: &Task) -> Option<VisibilityGraph> {
-    let passable = {
-        let mut all = map.alphabet().none();
-        let guards = task.nba.transitions.iter().flatten();
-        guards.for_each(|t| all.union_with(&t.guard));
-        all
-    };
-    let margin = 16.0 * map.tolerance();
-    let is_forbidden = |r: usize| passable.is_disjoint(&map.alphabet().letters_with(r));
-    let is_apart = |r: usize| {
-        let mine = &map.regions()[r].polygon;
-        let others = map.regions().iter().enumerate().filter(|(i, _)| *i != r);
-        let mut others = others
-            .map(|(_, region)| &region.polygon)
-            .chain(map.obstacles());
-        others.all(|other| are_apart(mine, other, margin))
-    };
-    let forbidden = (0..map.regions().len()).filter(|&r| is_forbidden(r) && is_apart(r));
-    let mut obstacles = map.obstacles().to_vec();
-    obstacles.extend(forbidden.map(|r| map.regions()[r].polygon.clone()));
-    let space = Workspace::new(map.bounds(), obstacles, Vec::new()).ok()?;
-    space.letter_at(start)?;
-    Some(VisibilityGraph::new(Arc::new(space)))
-}
-
-type Ends = (Point2<f64>, Point2<f64>);
-
-/// Whether no place can fulfil two duties, or touch two such places.
-fn are_duties_apart(map: &Workspace, first: &Duty, second: &Duty) -> bool {
-    let margin = 16.0 * map.tolerance();
-    let polygon = |r: usize| &map.regions()[r].polygon;
-    let mut pairs = first
-        .regions
-        .iter()
-        .flat_map(|r| second.regions.iter().map(move |s| (r, s)));
-    pairs.any(|(r, s)| r != s && are_apart(polygon(r), polygon(s), margin))
-}
-
-/// The borders of the duties' places in pieces that no obstacle covers part of.
-fn cut(map: &Workspace, duties: &[Duty]) -> Vec<Piece> {
-    let margin = 4.0 * map.tolerance();
-    let polygon = |r: usize| &map.regions()[r].polygon;
-    let free = |p: Point2<f64>| map.letter_at(p).is_some();
-    let mut whole: Vec<Piece> = Vec::new();
-    for (duty, Duty { regions, .. }) in duties.iter().enumerate() {
-        for r in regions.iter() {
-            let other = regions.iter().find(|&s| s != r).map(polygon);
-            let inside = |p| other.is_none_or(|o| o.side_of(p, margin) != Side::Outside);
-            for (a, b) in polygon(r).edges() {
-                let at = |t: f64| a + (b - a) * t;
-                let turns = crossings(map, (a, b), other);
-                let parts = turns.windows(2).map(|t| (at(t[0]), at(t[1])));
-                let open = parts.filter(|&part| free(middle(part)) && inside(middle(part)));
-                whole.extend(open.map(|ends| Piece { ends, duty }));
-            }
-        }
-    }
-    let length = |p: &Piece| (p.ends.1 - p.ends.0).norm();
-    let sum: f64 = whole.iter().map(length).sum();
-    let pieces = |p: &Piece| {
-        let count = (PIECES * length(p) / sum).ceil().max(1.0);
-        let (a, b) = p.ends;
-        let at = move |k: f64| a + (b - a) * (k / count);
-        let duty = p.duty;
-        (0..count as usize).map(move |k| Piece {
-            ends: (at(k as f64), at((k + 1) as f64)),
-            duty,
-        })
-    };
-    whole.iter().flat_map(pieces).collect()
-}
-
-/// Where an edge meets the borders of obstacles, of the bounds, and of another polygon: ascending, from 0 to 1.
-fn crossings(map: &Workspace, (a, b): Ends, other: Option<&Polygon>) -> Vec<f64> {
-    let (min, max) = (a.inf(&b), a.sup(&b));
-    let meets = |p: &&Polygon| {
-        p.min().x <= max.x && p.min().y <= max.y && p.max().x >= min.x && p.max().y >= min.y
-    };
-    let bounds = map.bounds();
-    let frame = Polygon::rectangle(bounds.min, bounds.max).ok();
-    let near = map
-        .obstacles()
-        .iter()
-        .chain(other)
-        .chain(&frame)
-        .filter(meets);
-    let along = b - a;
-    let square = along.norm_squared();
-    let mut found = vec![0.0, 1.0];
-    for (c, d) in near.flat_map(Polygon::edges) {
-        let across = d - c;
-        let turn = along.perp(&across);
-        if turn != 0.0 {
-            let (t, u) = ((c - a).perp(&across) / turn, (c - a).perp(&along) / turn);
-            if (-1e-9..=1.0 + 1e-9).contains(&u) {
-                found.push(t);
-            }
-        } else {
-            // Borders that run along each other begin and end somewhere.
-            found.extend([c, d].map(|p| along.dot(&(p - a)) / square));
-        }
-    }
-    found.retain(|t| (0.0..=1.0).contains(t));
-    found.sort_by(f64::total_cmp);
-    found.dedup_by(|b, a| *b - *a < 1e-9);
-    found
-}
-
-fn middle((a, b): Ends) -> Point2<f64> {
-    nalgebra::center(&a, &b)
-}
-
-/// What legs to a piece are at least.
-struct Legs<'l> {
-    /// `None` where straight lines are all that is known.
-    space: Option<&'l VisibilityGraph>,
-    piece: Ends,
-    /// Ways around obstacles, made where they are asked for first.
-    ways: OnceCell<PathsTo>,
-}
-
-impl<'l> Legs<'l> {
-    fn new(space: Option<&'l VisibilityGraph>, piece: Ends) -> Self {
-        Self {
-            space,
-            piece,
-            ways: OnceCell::new(),
-        }
-    }
-
-    fn from(&self, other: Ends) -> f64 {
-        let straight = segment_distance(self.piece, other);
-        let Some(space) = self.space else {
-            return straight;
-        };
-        let (here, there) = (middle(self.piece), middle(other));
-        if space.map().is_free_between(there, here) {
-            return straight;
-        }
-        let ways = self.ways.get_or_init(|| space.paths_to(here));
-        let around = ways
-            .first_leg(space, there)
-            .map_or(0.0, |(length, _)| length);
-        let halves = ((self.piece.1 - self.piece.0).norm() + (other.1 - other.0).norm()) / 2.0;
-        straight.max(around - halves)
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::automaton::Limits;
     use crate::ltl::Formula;
-    use crate::workspace::{Bounds, Region};
+    use crate::workspace::{Bounds, Polygon, Region};
 
     /// Regions a to d, apart from one another.
     fn map() -> Workspace {

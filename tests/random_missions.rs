@@ -43,6 +43,7 @@ fn scenario(seed: u64) -> Scenario {
         task: formula.to_string(),
         formula,
         weight: 0.2,
+        robot_radius: 0.0,
         hash: String::new(),
         grid: None,
     }

@@ -11,6 +11,7 @@ use serde::Serialize;
 use crate::alphabet::{Alphabet, Letter, LetterSet, Props};
 use crate::automaton::{Limits, Task, translate};
 use crate::ltl::Formula;
+use crate::number::Brief;
 use crate::scenario::Scenario;
 use crate::system::{Continuous, TransitionSystem};
 use crate::workspace::{Enclosure, Workspace};
@@ -325,6 +326,8 @@ pub struct Unreachable {
     pub beyond: Vec<String>,
     /// What the robot sees at its start, if the task allows no beginning there, and what it would have to see.
     pub at_start: Option<AtStart>,
+    /// By how much obstacles were grown for the robot, which may be why.
+    pub robot_radius: f64,
 }
 
 /// A start at which the task is broken already.
@@ -400,6 +403,7 @@ impl Unreachable {
                 through: Vec::new(),
                 beyond: Vec::new(),
                 at_start,
+                robot_radius: 0.0,
             });
         }
         if accepts(task, reachable) {
@@ -435,6 +439,7 @@ impl Unreachable {
             through: Vec::new(),
             beyond: Vec::new(),
             at_start: None,
+            robot_radius: scenario.robot_radius,
         })
     }
 
@@ -447,6 +452,7 @@ impl Unreachable {
             through: found.through.iter().map(name).collect(),
             beyond: found.beyond.iter().map(name).collect(),
             at_start: None,
+            robot_radius: scenario.robot_radius,
         })
     }
 
@@ -502,10 +508,18 @@ impl Unreachable {
         let sentence = |(_, letters, text): (&[Walls], Vec<String>, String)| {
             text.replacen(&letters[0], &join(&letters), 1)
         };
-        told.into_iter()
+        let mut text = told
+            .into_iter()
             .map(sentence)
             .collect::<Vec<_>>()
-            .join("; ")
+            .join("; ");
+        if self.robot_radius > 0.0 {
+            let radius = Brief(self.robot_radius);
+            text.push_str(&format!(
+                " (obstacles were grown by the robot_radius of {radius}: a gap may be too narrow for this robot)"
+            ));
+        }
+        text
     }
 }
 

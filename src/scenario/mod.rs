@@ -80,6 +80,8 @@ pub struct Scenario {
     pub formula: Formula,
     /// λ in `[0, 1]`: the weight of the prefix in the cost.
     pub weight: f64,
+    /// By how much the map was changed for a round robot, in map units: obstacles were grown and the bounds shrunk. 0 for a point.
+    pub robot_radius: f64,
     /// SHA-256, in hex, of map, start, task and weight, the same for every file format. The name
     /// does not count.
     pub hash: String,
@@ -251,6 +253,7 @@ impl Scenario {
             task: task.clone(),
             formula,
             weight,
+            robot_radius: radius,
         })
     }
 }

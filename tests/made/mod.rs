@@ -16,6 +16,7 @@ pub(crate) fn scenario(workspace: Workspace, start: Point2<f64>, task: &str) -> 
         formula: task.parse().unwrap(),
         task: task.to_owned(),
         weight: 0.2,
+        robot_radius: 0.0,
         hash: String::new(),
         grid: None,
     }

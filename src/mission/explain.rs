@@ -325,7 +325,7 @@ pub struct Unreachable {
     /// Regions that the task names and that can be reached only like that.
     pub beyond: Vec<String>,
     /// What the robot sees at its start, if the task allows no beginning there, and what it would have to see.
-    pub at_start: Option<AtStart>,
+    pub at_start: Option<Box<AtStart>>,
     /// By how much obstacles were grown for the robot, which may be why.
     pub robot_radius: f64,
 }
@@ -396,7 +396,7 @@ impl Unreachable {
     #[must_use]
     pub fn find(scenario: &Scenario, task: &Task, system: &dyn TransitionSystem) -> Option<Self> {
         let reachable = system.reachable();
-        let at_start = AtStart::find(scenario, task);
+        let at_start = AtStart::find(scenario, task).map(Box::new);
         if at_start.is_some() {
             return Some(Self {
                 places: Vec::new(),

@@ -182,6 +182,9 @@ impl<'a> Search<'a> {
         if (LONG..u64::MAX).contains(&settings.iterations) {
             prefix.expect(settings.iterations);
         }
+        if matches!(sampler, Sampler::Uniform) {
+            prefix.expect_sweeps();
+        }
         Self {
             ground,
             problem,

@@ -115,6 +115,8 @@ pub struct Tree<'a> {
     touched: Vec<NodeId>,
     /// No node of this cost or more is added.
     limit: f64,
+    /// Whether points come in an order in which what one has read serves the next.
+    swept: bool,
     clock: Clock,
     /// What samplers remember of the nodes; nothing here depends on it.
     leads: RefCell<Leads>,
@@ -185,6 +187,7 @@ impl<'a> Tree<'a> {
             by_state: vec![Vec::new(); nba.len()],
             touched: Vec::new(),
             limit: f64::INFINITY,
+            swept: false,
             clock: Clock::default(),
             leads: RefCell::default(),
             hits: Vec::new(),
@@ -215,6 +218,11 @@ impl<'a> Tree<'a> {
         self.owed.reserve_exact(more(self.owed.len()));
         self.here.reserve_exact(more(self.here.len()));
         self.index.expect(places);
+    }
+
+    /// Says that points come in an order in which what one has read serves the next: then nothing is gained by reading it ahead.
+    pub(crate) fn expect_sweeps(&mut self) {
+        self.swept = true;
     }
 
     /// How many product states the tree holds.

@@ -250,7 +250,7 @@ impl Tree<'_> {
     /// Reads what [`Self::enter`] will ask of sites with several nodes: one kind of memory after the other, and nothing but reads, so that
     /// the processor waits for all sites at once. In a tree that no cache holds it would else wait three times for each.
     fn fetch(&self, neighbours: &[Neighbour]) {
-        if self.nodes.len() < CACHED {
+        if self.swept || self.nodes.len() < CACHED {
             return;
         }
         let several = || {

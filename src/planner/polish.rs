@@ -28,7 +28,7 @@ const ALLOWANCE: u64 = 4;
 const PERIOD: u64 = 16;
 
 /// The corners of obstacles that ways around obstacles may meet: to find a way takes about the time of all that the map has, some two
-/// microseconds each. At first so many, and then so many for each iteration: on small maps more than is ever asked for, on large
+/// microseconds each. At first so many, and then so many for each iteration: on small maps about as many as are ever asked for, on large
 /// ones less than the time of growing.
 const CORNERS_AT_FIRST: u64 = 200_000;
 const CORNERS_EACH: u64 = 5;

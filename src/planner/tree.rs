@@ -163,6 +163,7 @@ impl<'a> Tree<'a> {
             Self::with_steps(self.system, self.nba, Arc::clone(&self.steps), root, states);
         tree.clock = self.clock.same();
         tree.allowance = self.allowance;
+        tree.swept = self.swept;
         tree
     }
 

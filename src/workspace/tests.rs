@@ -553,3 +553,45 @@ fn places_at_corners_lie_in_the_cell_and_are_few() {
         assert!(cell.corner(count).is_none());
     }
 }
+
+/// Cells of many holes are cut in another way than those of few, into what covers the same.
+#[test]
+fn cells_of_many_holes_are_covered_by_their_triangles() {
+    let square = |k: usize| {
+        let (x, y) = (0.05 + 0.09 * (k % 10) as f64, 0.05 + 0.09 * (k / 10) as f64);
+        // Some touch at a corner, some along a side.
+        let side = [0.05, 0.09, 0.03][k % 3];
+        rectangle(x, y, x + side, y + 0.05)
+    };
+    let m = map(
+        (0..100).map(square).collect(),
+        vec![region("a", rectangle(0.0, 0.0, 0.02, 0.02))],
+    );
+    let free: f64 = m
+        .alphabet()
+        .letters()
+        .flat_map(|l| m.cells(l))
+        .map(|c| c.area())
+        .sum();
+    let covered: f64 = (0..100).map(|k| 0.05 * [0.05, 0.09, 0.03][k % 3]).sum();
+    assert!((free - (1.0 - covered)).abs() < 1e-6, "{free}, {covered}");
+    // By that way alone, where nothing stands in for it.
+    let open = m.alphabet().letters().flat_map(|l| m.cells(l));
+    let largest = open.max_by(|a, b| a.area().total_cmp(&b.area())).unwrap();
+    assert!(largest.outline().len() > 50, "{}", largest.outline().len());
+    let area = |[a, b, c]: &[Point2<f64>; 3]| (b - a).perp(&(c - a)).abs() / 2.0;
+    let cut: f64 = mesh::cut(largest.outline()).iter().map(area).sum();
+    assert!((cut - largest.area()).abs() < 1e-9, "{cut}");
+    let mut random = generator(8, 0);
+    let mut low = 0;
+    for _ in 0..4_000 {
+        let q = m.sample_free(&mut random);
+        assert!(m.letter_at(q).is_some(), "{q}");
+        low += usize::from(q.y < 0.05);
+    }
+    let expected = 4_000.0 * 0.05 / (1.0 - covered);
+    assert!(
+        (low as f64 - expected).abs() < 0.25 * expected,
+        "{low}, {expected}"
+    );
+}

@@ -3,11 +3,13 @@
 mod biased;
 mod choices;
 mod closing;
+mod crossing;
 mod deferred;
 mod entrance;
 mod guided;
 mod heat;
 pub(crate) mod leads;
+mod nearest;
 mod passage;
 mod sweep;
 

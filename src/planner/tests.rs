@@ -246,6 +246,67 @@ fn accepting_states_that_are_only_passed_are_no_goals() {
 }
 
 #[test]
+fn cycles_close_in_regions_that_are_not_seen_through() {
+    // The automaton cannot wait in its accepting state, so the robot has to come back to the root from where the region is in
+    // sight of it.
+    let corners = [
+        p(0.1, 0.4),
+        p(0.6, 0.4),
+        p(0.6, 0.9),
+        p(0.1, 0.9),
+        p(0.1, 0.85),
+        p(0.55, 0.85),
+        p(0.55, 0.45),
+        p(0.1, 0.45),
+    ];
+    let hook = Polygon::new(corners.to_vec()).unwrap();
+    let region = |name: &str, polygon| Region {
+        name: name.to_owned(),
+        polygon,
+    };
+    let regions = vec![
+        region("a", rectangle(0.8, 0.1, 0.9, 0.2)),
+        region("b", hook),
+    ];
+    let map = Workspace::new(Bounds::unit(), Vec::new(), regions).unwrap();
+    let system = Continuous::new(Arc::new(map), p(0.1, 0.1)).unwrap();
+    let task = Task::from_trimmed(patrol(system.map().alphabet()), None);
+    let problem = Problem {
+        start: system.start(),
+        system: Arc::new(system),
+        task: Arc::new(task),
+        weight: 0.2,
+    };
+    for seed in 0..40 {
+        let settings = Settings {
+            first: true,
+            seed,
+            ..Settings::default()
+        };
+        let found = run(&problem, &Sampler::Directed, &settings).unwrap();
+        assert!(found.stats.iterations <= 15, "{seed}: {:?}", found.stats);
+    }
+}
+
+#[test]
+fn what_costs_more_than_the_best_prefix_is_passed_over_where_all_ends_stay() {
+    // Of the whole cost, which is the prefix's.
+    let problem = problem(p(0.1, 0.1), 1.0, visit);
+    let nodes = |informed| {
+        let settings = Settings {
+            iterations: 2_000,
+            informed,
+            ..Settings::default()
+        };
+        let found = run(&problem, &Sampler::Directed, &settings).unwrap();
+        assert!(found.cost.total < 1.41, "{:?}", found.cost);
+        found.stats.nodes
+    };
+    let (few, all) = (nodes(true), nodes(false));
+    assert!(2 * few < all, "{few} of {all} nodes");
+}
+
+#[test]
 fn the_same_seed_gives_the_same_plan() {
     let problem = problem(p(0.1, 0.1), 0.2, patrol);
     for sampler in samplers(&problem) {

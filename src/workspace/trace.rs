@@ -254,6 +254,23 @@ impl Workspace {
         Some([second.start, third.start])
     }
 
+    /// The letters along the segment `ab`, without repetition of one that lasts. Ends as for [`Self::step_between`]; `None`
+    /// where obstacles are in the way.
+    #[must_use]
+    pub(crate) fn letters_along(
+        &self,
+        a: Point2<f64>,
+        from: Letter,
+        b: Point2<f64>,
+        to: Letter,
+    ) -> Option<SmallVec<[Letter; 8]>> {
+        let stretches = self.stretches(a, b, from).ok()?;
+        let mut letters: SmallVec<[Letter; 8]> = stretches.iter().map(|s| s.letter).collect();
+        letters.push(to);
+        letters.dedup();
+        Some(letters)
+    }
+
     /// Where on the segment `ab` the letter of `b` begins that lasts to its end, as a parameter from 0 at `a` to 1 at `b`. Ends
     /// as for [`Self::step_between`]; `None` where obstacles are in the way.
     #[must_use]

@@ -64,6 +64,8 @@ pub(super) struct Target {
     pub(super) fixed: bool,
     /// The letter that it stands for, where any other place with that letter would do.
     pub(super) letter: Option<Letter>,
+    /// Whether the next move from there is to close the cycle.
+    pub(super) closes: bool,
     /// What the automaton is to do there.
     pub(super) step: Step,
 }
@@ -89,6 +91,7 @@ pub(super) fn destination(
         at,
         fixed: true,
         letter: None,
+        closes: false,
         step: Step { from: goal, goal },
     });
     let around = matches!(view.aim, Aim::Suffix { .. }) && at_root;
@@ -294,6 +297,18 @@ fn target_of_edge(
             at: view.system.sample_letter(letter, random),
             fixed: false,
             letter: None,
+            closes: false,
+            step,
+        });
+    }
+    let root = view.tree.root();
+    if closing.is_some() && root.letter == letter {
+        // From where the straight way to the root enters the region it is in sight.
+        return Some(Target {
+            at: root.at,
+            fixed: true,
+            letter: Some(letter),
+            closes: true,
             step,
         });
     }
@@ -303,6 +318,7 @@ fn target_of_edge(
         at: landmarks[pick].at,
         fixed: true,
         letter: Some(letter),
+        closes: closing.is_some(),
         step,
     })
 }

@@ -4,13 +4,14 @@
 //! than biased sampling, whatever the networks predict: a node drawn uniformly mostly has its target out
 //! of sight, a rectangle to a target behind a wall holds no way around, and few points of a
 //! rectangle lie in a small region. So each choice gets a share of its own: the node with the least way left
-//! ([`leads`](super::leads)) as the automaton admits it ([`passage`](super::passage)), points around the corner where that way
-//! bends, in the regions that it crosses, and in the target's region once a leg leads there.
+//! ([`leads`](super::leads)) to the nearest of some targets ([`nearest`](super::nearest)) as the automaton admits it
+//! ([`passage`](super::passage)), points around the corner where that way bends, in the regions that it crosses or beside them
+//! ([`crossing`](super::crossing)), and in the target's region once a leg leads there.
 //! `docs/guidance.md` has the measurements.
 
 use nalgebra::Point2;
 
-use super::choices::{Destination, Preference, Target, destination, in_box, settle};
+use super::choices::{Destination, Preference, Target, in_box, settle};
 use super::heat::{Frame, HeatmapSums};
 use super::{Draw, Guide, View, uniform};
 use crate::alphabet::Letter;
@@ -19,6 +20,9 @@ use crate::system::Spot;
 
 /// Points of a region that are drawn for the heatmap to choose from.
 const CANDIDATES: usize = 4;
+
+/// Points of a region that are looked at to find one that a leg leads to: that its middle is in sight does not say that all of it is.
+const REGION_TRIES: usize = 4;
 
 /// Points around a corner that are looked at to find one that a leg leads to.
 const CORNER_TRIES: usize = 8;
@@ -42,16 +46,10 @@ pub(super) fn draw(guide: Option<&Guide>, view: &View<'_>, random: &mut Random) 
         view.tree.leads().borrow_mut().count();
     }
     let preference = guide.map_or(Preference::default(), |g| preference(g, view));
-    let Destination {
-        mut closest,
-        target,
-    } = destination(view, preference, random)?;
+    let Destination { closest, target } = super::nearest::choose(view, preference, random)?;
     let Some(target) = target else {
         return Some(uniform(view, random));
     };
-    if target.fixed && chance(random, view.share(settings.lead)) {
-        closest = super::leads::choose(view, closest, target);
-    }
     let corner = (settings.p_region > 0.0)
         .then(|| super::entrance::corner(view, target, random))
         .flatten();
@@ -72,12 +70,10 @@ pub(super) fn draw(guide: Option<&Guide>, view: &View<'_>, random: &mut Random) 
         Area::Region(letter) if corner.is_some() => {
             super::entrance::beside(view, target.at, letter, random)
         }
-        Area::Region(letter) => {
-            let at = in_region(heat, view, letter, random);
-            super::entrance::pulled(view, &from, at, letter, random)
-        }
+        Area::Region(letter) => entering(heat, view, &from, (target, letter), random),
         Area::Between(a, b, margin) => in_rectangle(heat, view, a, b, margin, random)?,
         Area::Along([a, b]) => a + (b - a) * unit(random),
+        Area::Beside(at) => at,
         Area::Corner(corner) => in_corner(heat, view, from, target, corner, random)?,
     };
     Some(Draw {
@@ -109,6 +105,8 @@ enum Area {
     Between(Point2<f64>, Point2<f64>, f64),
     /// Straight from one point to another.
     Along([Point2<f64>; 2]),
+    /// This point, beside a region that a leg would cross.
+    Beside(Point2<f64>),
     /// Around a corner.
     Corner(Point2<f64>),
 }
@@ -123,10 +121,13 @@ fn aim(view: &View<'_>, from: Spot, target: Target, random: &mut Random) -> Opti
     let leg = leg.or_else(|| view.system.first_leg(from.at, target.at, target.fixed));
     let next = leg?.to;
     let margin = settings.corner * view.system.bounds().side();
-    if let Some(part) = super::passage::stopover(view, &from, next)
+    if let Some(part) = super::crossing::stopover(view, &from, next)
         && chance(random, view.share(settings.p_region))
     {
-        return Some(Area::Along(part));
+        // Moves count until there is a plan, their length afterwards.
+        let wanted = !view.is_improving();
+        let beside = wanted.then(|| super::crossing::around(view, &from, next, target, random));
+        return Some(beside.flatten().map_or(Area::Along(part), Area::Beside));
     }
     if next != target.at {
         return Some(if settings.corner > 0.0 {
@@ -144,7 +145,8 @@ fn aim(view: &View<'_>, from: Spot, target: Target, random: &mut Random) -> Opti
 }
 
 /// A point near a corner that one leg leads to: of some that are drawn from squares of all sizes around the corner the one
-/// with the shortest way left.
+/// with the shortest way left, of those past the corner if there are any. Where there are none, as where obstacles touch, the corner
+/// itself.
 fn in_corner(
     heat: Option<&HeatmapSums>,
     view: &View<'_>,
@@ -155,7 +157,11 @@ fn in_corner(
 ) -> Option<Point2<f64>> {
     let side = view.system.bounds().side();
     let mut last = None;
-    let mut best: Option<(f64, Point2<f64>)> = None;
+    let leads_on = |there: &Spot| {
+        view.system.step(&from, there) && super::passage::goes_on(view, there, target)
+    };
+    // Whether the corner is still ahead, the way left, and the point.
+    let mut best: Option<(bool, f64, Point2<f64>)> = None;
     for k in 0..CORNER_TRIES {
         // Until there is a plan every second point is free of the heatmap: where that is wrong, a gap must not take hundreds of
         // samples.
@@ -164,15 +170,48 @@ fn in_corner(
         let at = in_rectangle(heat, view, corner, corner, margin, random)?;
         last = Some(at);
         if let Some(there) = view.system.settle(at)
-            && view.system.step(&from, &there)
-            && super::passage::goes_on(view, &there, target)
+            && leads_on(&there)
             && let Some(leg) = super::passage::first_leg(view, &there, target)
-            && best.is_none_or(|(left, _)| leg.length < left)
         {
-            best = Some((leg.length, at));
+            let ahead = leg.to == corner;
+            let better = |&(was, left, _): &(bool, f64, _)| (ahead, leg.length) < (was, left);
+            if best.as_ref().is_none_or(better) {
+                best = Some((ahead, leg.length, at));
+            }
         }
     }
-    best.map(|b| b.1).or(last)
+    let itself = || view.system.settle(corner).filter(leads_on);
+    match best {
+        Some((false, _, at)) => Some(at),
+        _ => itself().map(|spot| spot.at).or(best.map(|b| b.2)).or(last),
+    }
+}
+
+/// A point of the target's region that one leg leads to, and from which one closes the cycle if it is to be closed from there, if one of
+/// some draws is such a point.
+fn entering(
+    heat: Option<&HeatmapSums>,
+    view: &View<'_>,
+    from: &Spot,
+    (target, letter): (Target, Letter),
+    random: &mut Random,
+) -> Point2<f64> {
+    let root = view.tree.root();
+    let mut last = from.at;
+    for k in 0..REGION_TRIES {
+        let at = match target.closes && k == 0 {
+            true => target.at,
+            false => in_region(heat, view, letter, random),
+        };
+        last = super::entrance::pulled(view, from, at, letter, random);
+        if let Some(there) = view.system.settle(last)
+            && view.system.step(from, &there)
+            && (!target.closes || view.system.step(&there, &root))
+        {
+            break;
+        }
+    }
+    last
 }
 
 /// A point of the space with a letter, where the heatmap prefers it.

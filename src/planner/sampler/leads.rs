@@ -62,13 +62,16 @@ impl Weights {
     }
 }
 
+/// An automaton state, a step, a target's place, and whether the way to the node counts.
+type Key = (StateId, Step, [u64; 2], bool);
+
 /// What samplers remember of a tree.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Leads {
     /// How many samples were drawn by the rules, the present one counted.
     samples: u64,
-    /// The nodes that were looked at, by automaton state, step, target, and whether the way to the node counts.
-    queues: FxHashMap<(StateId, Step, [u64; 2], bool), Queue>,
+    /// The nodes that were looked at.
+    queues: FxHashMap<Key, Queue>,
     pub(super) passages: Passages,
     pub(super) sweep: Sweep,
     /// Once it was asked for.
@@ -114,9 +117,9 @@ struct Queue {
 
 /// A node with the way left from it, grown by what it counts as further away.
 #[derive(Clone, Copy, Debug)]
-struct Lead {
-    left: f64,
-    node: NodeId,
+pub(super) struct Lead {
+    pub(super) left: f64,
+    pub(super) node: NodeId,
     /// Whether `left` is more than the least that it can be: ways are looked up for those nodes only whose turn could be next.
     known: bool,
 }
@@ -146,14 +149,11 @@ impl PartialEq for Lead {
 
 impl Eq for Lead {}
 
-/// The node to go on from to a fixed target, among those in the state of `drawn`; `drawn` itself if no path leads there
-/// from any that was looked at.
-pub(super) fn choose(view: &View<'_>, drawn: NodeId, target: Target) -> NodeId {
-    let state = view.tree.state(drawn);
-    let side = view.system.bounds().side();
+/// The node to go on from to a fixed target, among those in `state`; `None` if no path leads there from any that was
+/// looked at.
+pub(super) fn best(view: &View<'_>, state: StateId, target: Target) -> Option<Lead> {
     let weights = Weights::of(view);
-    let at = [target.at.x.to_bits(), target.at.y.to_bits()];
-    let key = (state, target.step, at, view.is_improving());
+    let key = key(view, state, target);
     let known = view.tree.leads().borrow_mut().queues.remove(&key);
     let mut queue = known.unwrap_or_default();
     let nodes = view.tree.in_state(state);
@@ -166,11 +166,10 @@ pub(super) fn choose(view: &View<'_>, drawn: NodeId, target: Target) -> NodeId {
             known: false,
         });
     }
-    let mut chosen = None;
+    let mut best = None;
     while let Some(mut lead) = queue.nodes.peek_mut() {
         if lead.known {
-            lead.left += weights.weariness * side;
-            chosen = Some(lead.node);
+            best = Some(*lead);
             break;
         }
         match left(view, &weights, lead.node, target) {
@@ -184,7 +183,22 @@ pub(super) fn choose(view: &View<'_>, drawn: NodeId, target: Target) -> NodeId {
         }
     }
     view.tree.leads().borrow_mut().queues.insert(key, queue);
-    chosen.unwrap_or(drawn)
+    best
+}
+
+/// A node that is gone on from counts as further away from now on.
+pub(super) fn tire(view: &View<'_>, chosen: Lead, target: Target) {
+    let key = key(view, view.tree.state(chosen.node), target);
+    let mut leads = view.tree.leads().borrow_mut();
+    let queue = leads.queues.get_mut(&key);
+    if let Some(mut lead) = queue.and_then(|queue| queue.nodes.peek_mut()) {
+        lead.left += Weights::of(view).weariness * view.system.bounds().side();
+    }
+}
+
+fn key(view: &View<'_>, state: StateId, target: Target) -> Key {
+    let at = [target.at.x.to_bits(), target.at.y.to_bits()];
+    (state, target.step, at, view.is_improving())
 }
 
 /// The way left from a node to another place, with a surcharge if it takes more than one leg.

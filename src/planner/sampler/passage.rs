@@ -3,7 +3,6 @@
 
 use std::sync::Arc;
 
-use nalgebra::Point2;
 use rustc_hash::FxHashMap;
 
 use super::View;
@@ -77,12 +76,4 @@ pub(super) fn goes_on(view: &View<'_>, there: &Spot, target: Target) -> bool {
     let before = rho.to_go(from, goal);
     let mut next = view.task.nba.successors(from, there.letter);
     next.any(|q| rho.to_go(q, goal) <= before)
-}
-
-/// The part of a leg that a first waypoint has to be put on, if more than one is needed because the letter changes more than once.
-pub(super) fn stopover(view: &View<'_>, spot: &Spot, to: Point2<f64>) -> Option<[Point2<f64>; 2]> {
-    let map = view.system.plane()?;
-    let letter = map.letter_at(to)?;
-    let ends = map.second_letter(spot.at, spot.letter, to, letter)?;
-    Some(ends.map(|t| spot.at + (to - spot.at) * t))
 }

@@ -1,10 +1,10 @@
 //! Where directed and guided points lie.
 
 use super::*;
-use crate::automaton::{Nba, Transition};
+use crate::automaton::{Limits, Nba, Transition};
 use crate::random::generator;
 use crate::system::Continuous;
-use crate::workspace::{Bounds, Polygon, Region, Workspace};
+use crate::workspace::{Bounds, Polygon, Region, Side, Workspace};
 
 const DRAWS: usize = 2_000;
 
@@ -225,11 +225,81 @@ fn what_is_barred_is_gone_around() {
         wet < 0.05,
         "{wet} lie in the pond, from where nothing follows"
     );
-    // Where the automaton may enter it, the leg across needs a stop inside.
-    let open = world_with(Vec::new(), Some(pond), false);
-    let found = draws(&open, &mostly_directed(), &Sampler::Directed, &[]);
+}
+
+#[test]
+fn a_region_on_the_way_is_stopped_in_or_passed_beside_it() {
+    let (start, target) = (p(0.1, 0.1), rectangle(0.8, 0.1, 0.9, 0.2));
+    // From side to side: the leg across needs a stop inside.
+    let wide = world_with(Vec::new(), Some(rectangle(0.4, 0.0, 0.6, 1.0)), false);
+    let found = draws(&wide, &mostly_directed(), &Sampler::Directed, &[]);
     let inside = share(&found, |d| (0.4..=0.6).contains(&d.0.x));
-    assert!(inside > 0.9, "{inside} lie in the pond");
+    assert!(inside > 0.9, "{inside} lie in the river");
+    // Less high: two moves lead beside it, and three across.
+    let small = world_with(Vec::new(), Some(rectangle(0.4, 0.0, 0.5, 0.2)), false);
+    let map = small.0.map();
+    let two_moves = |at: Point2<f64>| {
+        let middle = p(0.85, 0.15);
+        map.step(start, at) && map.step(at, middle) && target.side_of(at, 1e-9) == Side::Outside
+    };
+    let first = |reached| {
+        let found = draws_for(reached, &small, &mostly_directed(), &Sampler::Directed, &[]);
+        share(&found, |d| two_moves(d.0))
+    };
+    let (before, after) = (first(false), first(true));
+    assert!(before > 0.8, "{before} lead to the target in two moves");
+    assert!(after < 0.5, "once a plan is known, lengths count: {after}");
+}
+
+#[test]
+fn where_obstacles_touch_the_corner_itself_is_drawn() {
+    // Two walls that meet in a point in the middle of the map leave no other way.
+    let tip = p(0.5, 0.5);
+    let wall = |x: f64, y: f64| Polygon::new(vec![tip, p(x, y), p(1.0 - x, y)]).unwrap();
+    let walls = vec![wall(0.3, 0.0), wall(0.3, 1.0)];
+    let found = draws(&world(walls), &mostly_directed(), &Sampler::Directed, &[]);
+    let there = share(&found, |d| d.0 == tip);
+    assert!(there > 0.9, "{there} lie where the walls meet");
+}
+
+#[test]
+fn the_nearest_of_several_targets_comes_first() {
+    let region = |name: &str, polygon| Region {
+        name: name.to_owned(),
+        polygon,
+    };
+    let (near, far) = (rectangle(0.2, 0.1, 0.3, 0.2), rectangle(0.8, 0.8, 0.9, 0.9));
+    let regions = vec![region("near", near), region("far", far)];
+    let map = Workspace::new(Bounds::unit(), Vec::new(), regions).unwrap();
+    let system = Continuous::new(Arc::new(map), p(0.1, 0.1)).unwrap();
+    let formula = "F near & F far".parse().unwrap();
+    let alphabet = Arc::clone(system.map().alphabet());
+    let task = Task::from_formula(&formula, alphabet, &Limits::default()).unwrap();
+    let world = (system, task);
+    let (system, task) = (&world.0, &world.1);
+    // A node that is chosen again and again without gain tires, so each draw is the first of its tree.
+    let far_off = |lead| {
+        let settings = Settings {
+            lead,
+            ..mostly_directed()
+        };
+        let first = |seed| {
+            let tree = Tree::new(system, &task.nba, system.start(), &task.nba.initial);
+            let view = View {
+                system,
+                task,
+                settings: &settings,
+                tree: &tree,
+                aim: Aim::Prefix { reached: false },
+            };
+            let draw = Sampler::Directed.draw(&view, &mut generator(seed, 0));
+            draw.is_some_and(|d| d.at.x > 0.5)
+        };
+        (0..200).filter(|&seed| first(seed)).count()
+    };
+    let (ours, drawn) = (far_off(0.95), far_off(0.0));
+    assert!(ours < 40, "{ours} of 200 head for the far region");
+    assert!(drawn > 70, "without regard to the way: {drawn} of 200");
 }
 
 #[test]

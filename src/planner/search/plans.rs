@@ -3,7 +3,8 @@
 use nalgebra::Point2;
 
 use super::{Best, Deadline, ENTRY_PERIOD, Search};
-use crate::alphabet::LetterSet;
+use crate::alphabet::{Letter, LetterSet};
+use crate::automaton::StateId;
 use crate::plan::{Cost, Path, Waypoint};
 use crate::planner::Improvement;
 use crate::planner::polish::{Kind, PROMISING, Polish};
@@ -30,7 +31,7 @@ impl Search<'_> {
             let stays = self.staying[letter.index()][state.index()];
             if !std::mem::replace(&mut self.known[node.index()], true) {
                 self.stats.goals += 1;
-                if !stays {
+                if !stays && self.comes_back(state, letter) {
                     self.open_goals.push(node);
                 }
                 if self.stats.first_prefix.is_none() {
@@ -45,6 +46,12 @@ impl Search<'_> {
             }
         }
         self.touched = touched;
+    }
+
+    /// Whether a path may come to a state at a place with this letter other than from the start: else no loop closes there.
+    fn comes_back(&self, state: StateId, letter: Letter) -> bool {
+        let arrivals = self.arrivals.as_ref();
+        arrivals.is_none_or(|arrivals| arrivals[state.index()].contains(letter))
     }
 
     /// The plan that stays at a goal.

@@ -4,7 +4,7 @@
 use nalgebra::{Point2, Vector2};
 
 use super::View;
-use super::choices::Target;
+use super::choices::{Target, below};
 use super::passage::goes_on;
 use crate::random::{Random, unit};
 use crate::system::Spot;
@@ -15,6 +15,9 @@ const BESIDE: f64 = 0.3;
 
 /// Points beside each corner that are looked at.
 const TRIES: usize = 4;
+
+/// Corners of a region that are looked at; of regions with more, some are drawn.
+const CORNERS: usize = 16;
 
 /// So many letters on a leg take three moves or more.
 const MANY: usize = 4;
@@ -45,24 +48,35 @@ pub(super) fn around(
     let mut best: Option<(f64, Point2<f64>)> = None;
     let crossed = letters[1..letters.len() - 1].iter();
     for region in crossed.flat_map(|&letter| map.alphabet().props(letter).iter()) {
-        let polygon = &map.regions()[region].polygon;
-        let middle = middle(polygon);
-        for &corner in polygon.vertices() {
-            for _ in 0..TRIES {
-                let at = corner + (corner - middle) * (BESIDE * (1.0 - unit(random)));
-                let length = (at - spot.at).norm() + (to - at).norm();
-                if best.is_none_or(|(shortest, _)| length < shortest)
-                    && let Some(beside) = view.system.settle(at)
-                    && goes_on(view, &beside, target)
-                    && view.system.step(spot, &beside)
-                    && view.system.step(&beside, &there)
-                {
-                    best = Some((length, at));
-                }
+        for at in beside(&map.regions()[region].polygon, random) {
+            let length = (at - spot.at).norm() + (to - at).norm();
+            if best.is_none_or(|(shortest, _)| length < shortest)
+                && let Some(beside) = view.system.settle(at)
+                && goes_on(view, &beside, target)
+                && view.system.step(spot, &beside)
+                && view.system.step(&beside, &there)
+            {
+                best = Some((length, at));
             }
         }
     }
     best.map(|b| b.1)
+}
+
+/// Points outside of the corners of a region, some for each.
+fn beside<'r>(
+    polygon: &'r Polygon,
+    random: &'r mut Random,
+) -> impl Iterator<Item = Point2<f64>> + 'r {
+    let (middle, corners) = (middle(polygon), polygon.vertices());
+    let few = corners.len() <= CORNERS;
+    (0..TRIES * corners.len().min(CORNERS)).map(move |k| {
+        let k = match few {
+            true => k / TRIES,
+            false => below(random, corners.len() as u64) as usize,
+        };
+        corners[k] + (corners[k] - middle) * (BESIDE * (1.0 - unit(random)))
+    })
 }
 
 /// The mean of a polygon's corners.

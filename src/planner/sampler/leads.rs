@@ -150,8 +150,8 @@ impl PartialEq for Lead {
 impl Eq for Lead {}
 
 /// The node to go on from to a fixed target, among those in `state`; `None` if no path leads there from any that was
-/// looked at.
-pub(super) fn best(view: &View<'_>, state: StateId, target: Target) -> Option<Lead> {
+/// looked at, or none so that less than `limit` is left. Ways are not looked up where the crow could not fly within it.
+pub(super) fn best(view: &View<'_>, state: StateId, target: Target, limit: f64) -> Option<Lead> {
     let weights = Weights::of(view);
     let key = key(view, state, target);
     let known = view.tree.leads().borrow_mut().queues.remove(&key);
@@ -168,6 +168,9 @@ pub(super) fn best(view: &View<'_>, state: StateId, target: Target) -> Option<Le
     }
     let mut best = None;
     while let Some(mut lead) = queue.nodes.peek_mut() {
+        if lead.left >= limit {
+            break;
+        }
         if lead.known {
             best = Some(*lead);
             break;

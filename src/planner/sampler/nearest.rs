@@ -29,14 +29,11 @@ pub(super) fn choose(
         return Some(first);
     };
     let mut seen = Seen::default();
-    let mut best = seen.lead_to(view, &first);
+    let mut best = seen.lead_to(view, &first, f64::INFINITY);
     if !view.is_improving() {
         for next in draws.flatten() {
-            if let Some(lead) = seen.lead_to(view, &next)
-                && best.is_none_or(|(least, _)| lead.0.left < least.left)
-            {
-                best = Some(lead);
-            }
+            let limit = best.map_or(f64::INFINITY, |(lead, _)| lead.left);
+            best = seen.lead_to(view, &next, limit).or(best);
         }
     }
     let Some((lead, target)) = best else {
@@ -55,8 +52,13 @@ pub(super) fn choose(
 struct Seen(SmallVec<[(StateId, Target); DRAWN]>);
 
 impl Seen {
-    /// The node to go on from to a fixed destination that is new.
-    fn lead_to(&mut self, view: &View<'_>, next: &Destination) -> Option<(Lead, Target)> {
+    /// The node to go on from to a fixed destination that is new, if less than `limit` is left from there.
+    fn lead_to(
+        &mut self,
+        view: &View<'_>,
+        next: &Destination,
+        limit: f64,
+    ) -> Option<(Lead, Target)> {
         let target = next.target.filter(|target| target.fixed)?;
         let state = view.tree.state(next.closest);
         let same = |known: &(StateId, Target)| {
@@ -66,6 +68,6 @@ impl Seen {
             return None;
         }
         self.0.push((state, target));
-        Some((leads::best(view, state, target)?, target))
+        Some((leads::best(view, state, target, limit)?, target))
     }
 }

@@ -84,7 +84,6 @@ fn by_radius() -> Settings {
         range: Some(0.25),
         radius: 1.1 * (3.0 / std::f64::consts::PI).sqrt(),
         neighbours: 1e6,
-        informed: false, // as the planners beside it
         ..Settings::default()
     }
 }
@@ -95,7 +94,6 @@ fn by_count() -> Settings {
         range: Some(0.25),
         radius: 1e6,
         max_radius: 2.0,
-        informed: false,
         ..Settings::default()
     }
 }

@@ -16,17 +16,13 @@ use crate::workspace::Workspace;
 /// Of products of states and letters that are larger, nothing is removed.
 const MAX_PAIRS: usize = 100_000;
 
-/// For each letter those that a leg may lead to from it, itself included. `None` where that is not known, or too much.
-pub(super) fn neighbours(problem: &Problem) -> Option<Vec<LetterSet>> {
-    let (map, nba) = (problem.system.plane()?, &problem.task.nba);
-    let few = nba.len() * nba.alphabet.len() <= MAX_PAIRS;
-    few.then(|| beside(map))
-}
-
 /// The task with fewer transitions and the same states; `None` if none can be removed.
-pub(super) fn advice(problem: &Problem, near: &[LetterSet]) -> Option<Task> {
-    let nba = &problem.task.nba;
-    let met = letters_met(problem, near);
+pub(super) fn advice(problem: &Problem) -> Option<Task> {
+    let (map, nba) = (problem.system.plane()?, &problem.task.nba);
+    if nba.len() * nba.alphabet.len() > MAX_PAIRS {
+        return None;
+    }
+    let met = letters_met(nba, problem.start.letter, &neighbours(map, problem));
     let mut removed = false;
     let mut keep = |(q, transition): (usize, &Transition)| {
         let guard = transition.guard.intersection(&met[q]);
@@ -58,18 +54,8 @@ pub(super) fn advice(problem: &Problem, near: &[LetterSet]) -> Option<Task> {
     task.nba.initial.iter().any(leads).then_some(task)
 }
 
-/// For each state the letters of places at which a path can come to it.
-pub(super) fn arrivals(nba: &Nba, near: &[LetterSet]) -> Vec<LetterSet> {
-    let mut arrivals = vec![nba.alphabet.none(); nba.len()];
-    for transition in nba.states().flat_map(|q| nba.outgoing(q)) {
-        for letter in transition.guard.iter() {
-            arrivals[transition.target.index()].union_with(&near[letter.index()]);
-        }
-    }
-    arrivals
-}
-
-fn beside(map: &Workspace) -> Vec<LetterSet> {
+/// For each letter those that a leg may lead to from it, itself included.
+fn neighbours(map: &Workspace, problem: &Problem) -> Vec<Vec<Letter>> {
     let alphabet = map.alphabet();
     let boxes: Vec<[f64; 4]> = map
         .regions()
@@ -98,19 +84,16 @@ fn beside(map: &Workspace) -> Vec<LetterSet> {
                 entered.any(|s| touch(r, s))
             })
     };
+    let reachable = problem.system.reachable();
     let to = |a: Letter| {
-        let mut set = alphabet.none();
-        let all = alphabet.letters().filter(|&b| near(a, b));
-        all.for_each(|b| set.insert(b));
-        set
+        let all = alphabet.letters().filter(|&b| reachable.contains(b));
+        all.filter(|&b| near(a, b)).collect()
     };
     alphabet.letters().map(to).collect()
 }
 
 /// For each state the letters that some walk has in it.
-fn letters_met(problem: &Problem, near: &[LetterSet]) -> Vec<LetterSet> {
-    let (nba, start) = (&problem.task.nba, problem.start.letter);
-    let reachable = problem.system.reachable();
+fn letters_met(nba: &Nba, start: Letter, near: &[Vec<Letter>]) -> Vec<LetterSet> {
     let mut met = vec![nba.alphabet.none(); nba.len()];
     let mut open: VecDeque<(StateId, Letter)> = VecDeque::new();
     let mut meet = |q: StateId, letter: Letter, open: &mut VecDeque<_>| {
@@ -124,10 +107,8 @@ fn letters_met(problem: &Problem, near: &[LetterSet]) -> Vec<LetterSet> {
     }
     while let Some((q, letter)) = open.pop_front() {
         for next in nba.successors(q, letter) {
-            for beside in near[letter.index()].iter() {
-                if reachable.contains(beside) {
-                    meet(next, beside, &mut open);
-                }
+            for &beside in &near[letter.index()] {
+                meet(next, beside, &mut open);
             }
         }
     }
@@ -144,10 +125,6 @@ mod tests {
     use crate::automaton::Limits;
     use crate::system::Continuous;
     use crate::workspace::{Bounds, Polygon, Region};
-
-    fn advised(problem: &Problem) -> Option<Task> {
-        advice(problem, &neighbours(problem).expect("a small product"))
-    }
 
     /// Two squares, `gap` apart, and a task on them.
     fn problem(gap: f64, task: &str) -> Problem {
@@ -181,7 +158,7 @@ mod tests {
     fn what_only_touching_regions_allow_is_left_out_where_they_do_not_touch() {
         // After b the automaton could go on with a at once; the robot passes neither on its way.
         let apart = problem(0.1, "G (F b U a)");
-        let (whole, less) = (&apart.task.nba, advised(&apart).unwrap().nba);
+        let (whole, less) = (&apart.task.nba, advice(&apart).unwrap().nba);
         assert!(edges(&less) != edges(whole) && less.len() == whole.len());
         for q in less.states() {
             for t in less.outgoing(q) {
@@ -191,34 +168,11 @@ mod tests {
         // "a, and b right after": reachable only if they touch.
         let direct = "F (a && (a U b))";
         assert!(
-            advised(&problem(0.1, direct)).is_none(),
+            advice(&problem(0.1, direct)).is_none(),
             "else no way would be left"
         );
         let touching = problem(0.0, direct);
-        let found = advised(&touching).map_or(edges(&touching.task.nba), |t| edges(&t.nba));
+        let found = advice(&touching).map_or(edges(&touching.task.nba), |t| edges(&t.nba));
         assert!(found.iter().any(|e| e.1 != e.0));
-    }
-
-    #[test]
-    fn a_state_is_come_to_at_places_beside_those_that_lead_to_it() {
-        for (gap, beside) in [(0.1, false), (0.0, true)] {
-            let problem = problem(gap, "G F a & G F b");
-            let (nba, near) = (&problem.task.nba, neighbours(&problem).unwrap());
-            let arrivals = arrivals(nba, &near);
-            let letters = &nba.alphabet;
-            let only = |name| letters.letters_with(letters.proposition(name).unwrap());
-            for q in nba.states() {
-                let mut guards = letters.none();
-                let into = nba.states().filter_map(|p| nba.guard(p, q));
-                into.for_each(|guard| guards.union_with(guard));
-                for (one, other) in [("a", "b"), ("b", "a")] {
-                    // Entered in one region, and on the border of another if they touch.
-                    let entered = !guards.is_disjoint(&only(one));
-                    let there = !arrivals[q.index()].is_disjoint(&only(other));
-                    let too = !guards.is_disjoint(&only(other)) || guards.contains(Letter(0));
-                    assert_eq!(there, too || entered && beside, "{q:?} {gap}");
-                }
-            }
-        }
     }
 }

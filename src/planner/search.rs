@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use rustc_hash::FxHashMap;
 
-use super::advice::{advice, arrivals, neighbours};
+use super::advice::advice;
 use super::parallel::{self, Race};
 use super::polish::Polish;
 use super::sampler::{Ahead, Aim, Sampler};
@@ -20,7 +20,6 @@ use super::tree::{NodeId, Tree};
 use super::{
     EndReason, First, NotFound, PlanError, Problem, Progress, Solution, Stats, staying_accepts,
 };
-use crate::alphabet::LetterSet;
 use crate::automaton::Task;
 use crate::plan::{Cost, Path, Waypoint};
 use crate::random::{Random, generator};
@@ -136,8 +135,6 @@ pub(super) struct Search<'a> {
     problem: &'a Problem,
     /// The task as samplers see it, if that is another one.
     advice: Option<Task>,
-    /// By automaton state the letters of places at which a path can come to it, where that is known.
-    arrivals: Option<Vec<LetterSet>>,
     /// Who proposes points now.
     sampler: Sampler,
     /// Who does so later, if that is decided later.
@@ -150,9 +147,7 @@ pub(super) struct Search<'a> {
     accepting: Vec<bool>,
     /// By letter and automaton state: whether staying is a suffix.
     staying: Vec<Vec<bool>>,
-    /// Whether staying is a suffix at every goal there could be.
-    ends_stay: bool,
-    /// Goals at which staying is not enough and to which a path may come back, in the order they were found.
+    /// Goals at which staying is not enough, in the order they were found.
     open_goals: Vec<NodeId>,
     suffixes: Vec<SuffixTree<'a>>,
     suffix_of: FxHashMap<NodeId, usize>,
@@ -190,26 +185,21 @@ impl<'a> Search<'a> {
         if matches!(sampler, Sampler::Uniform) {
             prefix.expect_sweeps();
         }
-        let accepting: Vec<bool> = nba
-            .states()
-            .map(|q| problem.task.feasible.binary_search(&q).is_ok())
-            .collect();
-        let staying = staying_accepts(&problem.task);
-        let near = neighbours(problem);
         Self {
             ground,
             problem,
-            advice: near.as_ref().and_then(|near| advice(problem, near)),
-            arrivals: near.map(|near| arrivals(nba, &near)),
+            advice: advice(problem),
             sampler: ground.sampler(sampler),
             ahead: Ahead::of(sampler),
             settings,
             random: generator(settings.seed, stream),
             began: Instant::now(),
             prefix,
-            ends_stay: Self::do_ends_stay(nba, &accepting, &staying),
-            accepting,
-            staying,
+            accepting: nba
+                .states()
+                .map(|q| problem.task.feasible.binary_search(&q).is_ok())
+                .collect(),
+            staying: staying_accepts(&problem.task),
             open_goals: Vec::new(),
             suffixes: Vec::new(),
             suffix_of: FxHashMap::default(),

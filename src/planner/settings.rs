@@ -65,11 +65,12 @@ pub struct Settings {
     /// point (C-2); otherwise it is made as in the biased strategy.
     pub alpha: f64,
     /// Probability that a guided sample extends the node with the least way left to the target instead of one
-    /// drawn uniformly (ours; 0 is the paper's rule). Unless it is 0, the first 32 guided samples of a tree count this, `p_closest`,
-    /// `y_rand`, `alpha` and `p_region` as 1.
+    /// drawn uniformly, until a plan is known to the nearest of up to four targets that are drawn (ours; 0 is the paper's rule). Unless
+    /// it is 0, the first 32 guided samples of a tree count this, `p_closest`, `y_rand`, `alpha` and `p_region` as 1.
     pub lead: f64,
     /// Probability that a guided point is drawn from the target's region once a straight leg leads there, or from
-    /// the region that such a leg crosses, and not from the rectangle of C-2 (ours; 0 is the paper's rule).
+    /// the region that such a leg crosses, or beside it if that saves a move to the first plan, and not from the rectangle of C-2 (ours; 0
+    /// is the paper's rule).
     pub p_region: f64,
     /// Whether a guided search waits for the networks before its first sample (the papers' way), and not only before the samples of
     /// [`HeadStart::USUAL`], so that it begins while they run (ours).

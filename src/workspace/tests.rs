@@ -100,6 +100,15 @@ fn traces_name_letters_of_positive_length_only() {
     assert!(m.step(p(0.3, 0.3), p(0.5, 0.3)), "a to b at once");
     assert!(!m.step(p(0.1, 0.3), p(0.5, 0.3)), "over a to b");
     assert!(m.step(p(0.1, 0.2), p(0.7, 0.2)));
+    // The letters of both ends count, also on a border, which no stretch begins with.
+    let along = |a, b| {
+        let [from, to] = [a, b].map(|p| m.letter_at(p).unwrap());
+        let letters = m.letters_along(a, from, b, to).unwrap();
+        let names = letters.iter().map(|&l| m.alphabet().show(l));
+        names.collect::<Vec<_>>()
+    };
+    assert_eq!(along(p(0.1, 0.3), p(0.5, 0.3)), ["{}", "{a}", "{b}"]);
+    assert_eq!(along(p(0.2, 0.3), p(0.7, 0.3)), ["{}", "{a}", "{b}", "{}"]);
 }
 
 #[test]

@@ -254,8 +254,8 @@ impl Workspace {
         Some([second.start, third.start])
     }
 
-    /// The letters along the segment `ab`, without repetition of one that lasts. Ends as for [`Self::step_between`]; `None`
-    /// where obstacles are in the way.
+    /// The letters along the segment `ab`, without repetition of one that lasts. Ends as for [`Self::step_between`];
+    /// obstacles are not looked at.
     #[must_use]
     pub(crate) fn letters_along(
         &self,
@@ -265,8 +265,8 @@ impl Workspace {
         to: Letter,
     ) -> Option<SmallVec<[Letter; 8]>> {
         let stretches = self.stretches(a, b, from).ok()?;
-        let mut letters: SmallVec<[Letter; 8]> = stretches.iter().map(|s| s.letter).collect();
-        letters.push(to);
+        let mut letters = SmallVec::from_slice(&[from]);
+        letters.extend(stretches.iter().map(|s| s.letter).chain([to]));
         letters.dedup();
         Some(letters)
     }

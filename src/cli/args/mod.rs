@@ -427,7 +427,8 @@ pub(super) enum ModelCommand {
 /// How guided sampling goes beyond the paper; 0 is the paper's rule.
 #[derive(Args, Clone, Debug)]
 pub(super) struct GuidedArgs {
-    /// Directed and guided: probability to extend the node with the least way left, not one drawn uniformly
+    /// Directed and guided: probability to extend the node with the least way left, to the nearest of some targets, not
+    /// nodes and targets drawn uniformly
     #[arg(long, value_name = "P", default_value_t = Settings::default().lead)]
     pub(super) lead: f64,
     /// Directed and guided: probability to draw from the target's region, or one on the way, once a straight leg leads there

@@ -302,7 +302,8 @@ fn target_of_edge(
         });
     }
     let root = view.tree.root();
-    if closing.is_some() && root.letter == letter {
+    let closes = closing.is_some_and(|c| c.letters().contains(letter));
+    if closes && root.letter == letter {
         // From where the straight way to the root enters the region it is in sight.
         return Some(Target {
             at: root.at,
@@ -318,7 +319,7 @@ fn target_of_edge(
         at: landmarks[pick].at,
         fixed: true,
         letter: Some(letter),
-        closes: closing.is_some(),
+        closes,
         step,
     })
 }

@@ -145,8 +145,8 @@ fn aim(view: &View<'_>, from: Spot, target: Target, random: &mut Random) -> Opti
 }
 
 /// A point near a corner that one leg leads to: of some that are drawn from squares of all sizes around the corner the one
-/// with the shortest way left, of those past the corner if there are any. Where there are none, as where obstacles touch, the corner
-/// itself.
+/// with the shortest way left, of those from which it does not bend there next if there are any. Where there are none, as where obstacles
+/// touch, the corner itself.
 fn in_corner(
     heat: Option<&HeatmapSums>,
     view: &View<'_>,
@@ -198,20 +198,23 @@ fn entering(
 ) -> Point2<f64> {
     let root = view.tree.root();
     let mut last = from.at;
+    let mut reached = None;
     for k in 0..REGION_TRIES {
-        let at = match target.closes && k == 0 {
-            true => target.at,
+        let at = match target.at == root.at && k == 0 {
+            true => root.at,
             false => in_region(heat, view, letter, random),
         };
         last = super::entrance::pulled(view, from, at, letter, random);
         if let Some(there) = view.system.settle(last)
             && view.system.step(from, &there)
-            && (!target.closes || view.system.step(&there, &root))
         {
-            break;
+            if !target.closes || view.system.step(&there, &root) {
+                return last;
+            }
+            reached = reached.or(Some(last));
         }
     }
-    last
+    reached.unwrap_or(last)
 }
 
 /// A point of the space with a letter, where the heatmap prefers it.

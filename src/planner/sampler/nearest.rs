@@ -25,9 +25,9 @@ pub(super) fn choose(
     // A node from which the automaton makes no progress is not the end of the sample.
     let mut draws = (0..DRAWN).map(|_| destination(view, preference, random));
     let first = draws.find_map(|drawn| drawn)?;
-    let Some(target) = first.target.filter(|target| target.fixed) else {
+    if first.target.is_none_or(|target| !target.fixed) {
         return Some(first);
-    };
+    }
     let mut seen = Seen::default();
     let mut best = seen.lead_to(view, &first, f64::INFINITY);
     if !view.is_improving() {
@@ -37,8 +37,7 @@ pub(super) fn choose(
         }
     }
     let Some((lead, target)) = best else {
-        let target = Some(target);
-        return Some(Destination { target, ..first });
+        return Some(first);
     };
     leads::tire(view, lead, target);
     Some(Destination {

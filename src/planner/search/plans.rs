@@ -3,8 +3,7 @@
 use nalgebra::Point2;
 
 use super::{Best, Deadline, ENTRY_PERIOD, Search};
-use crate::alphabet::{Letter, LetterSet};
-use crate::automaton::StateId;
+use crate::alphabet::LetterSet;
 use crate::plan::{Cost, Path, Waypoint};
 use crate::planner::Improvement;
 use crate::planner::polish::{Kind, PROMISING, Polish};
@@ -28,10 +27,14 @@ impl Search<'_> {
                 continue;
             }
             let letter = self.prefix.spot(node).letter;
+            let mut next = self.problem.task.nba.successors(state, letter);
+            if next.next().is_none() {
+                continue; // nothing follows on a start that the automaton accepts once
+            }
             let stays = self.staying[letter.index()][state.index()];
             if !std::mem::replace(&mut self.known[node.index()], true) {
                 self.stats.goals += 1;
-                if !stays && self.comes_back(state, letter) {
+                if !stays {
                     self.open_goals.push(node);
                 }
                 if self.stats.first_prefix.is_none() {
@@ -46,12 +49,6 @@ impl Search<'_> {
             }
         }
         self.touched = touched;
-    }
-
-    /// Whether a path may come to a state at a place with this letter other than from the start: else no loop closes there.
-    fn comes_back(&self, state: StateId, letter: Letter) -> bool {
-        let arrivals = self.arrivals.as_ref();
-        arrivals.is_none_or(|arrivals| arrivals[state.index()].contains(letter))
     }
 
     /// The plan that stays at a goal.

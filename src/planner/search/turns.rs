@@ -5,7 +5,7 @@ use rustc_hash::FxHashMap;
 
 use super::{Best, Search};
 use crate::alphabet::Letter;
-use crate::automaton::{Nba, StateId};
+use crate::automaton::StateId;
 use crate::planner::suffix::SuffixTree;
 use crate::planner::tree::NodeId;
 use crate::system::TransitionSystem;
@@ -183,19 +183,7 @@ impl Search<'_> {
 
     /// The least that a unit of length costs.
     pub(super) fn least_share(&self) -> f64 {
-        if self.ends_stay {
-            return self.problem.weight;
-        }
         self.problem.weight.min(1.0 - self.problem.weight)
-    }
-
-    /// Whether every goal there could be is one to stay at: then no plan of least cost has a suffix of any length, as staying
-    /// at its first goal is no dearer.
-    pub(super) fn do_ends_stay(nba: &Nba, accepting: &[bool], staying: &[Vec<bool>]) -> bool {
-        let goals = nba.states().filter(|q| accepting[q.index()]);
-        let mut kinds = goals.flat_map(|q| nba.alphabet.letters().map(move |l| (q, l)));
-        let is_end = |q, l| nba.successors(q, l).next().is_none();
-        kinds.all(|(q, l)| staying[l.index()][q.index()] || is_end(q, l))
     }
 
     fn open_suffix(&mut self, goal: NodeId) {

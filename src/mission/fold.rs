@@ -13,7 +13,7 @@ use super::check;
 use crate::alphabet::Props;
 use crate::automaton::Task;
 use crate::ltl::semantics;
-use crate::plan::{Path, Waypoint};
+use crate::plan::{Cost, Path, Waypoint};
 use crate::scenario::Scenario;
 use crate::verify::Verified;
 
@@ -65,26 +65,28 @@ fn fold_once(
     known: &Verified,
 ) -> Option<(Path, Verified)> {
     let seen = Seen::new(scenario, task, path);
-    let entered = enter(scenario, task, path, known, seen.as_ref());
+    let entered = enter(scenario, task, path, known.cost, seen.as_ref());
     let known = entered.as_ref().map_or(known, |(_, verified)| verified);
-    let seen = seen.as_ref();
-    let begun = seen.and_then(|seen| rounds::begin_earlier(scenario, task, path, known, seen));
+    let begun = seen.and_then(|seen| {
+        let wider = rounds::enter_wider(scenario, task, path, known);
+        let known = wider.as_ref().map_or(known, |(_, verified)| verified);
+        rounds::begin_earlier(scenario, task, path, known, &seen).or(wider)
+    });
     begun.or(entered)
 }
 
-/// The cheapest plan that enters the loop elsewhere.
+/// The cheapest plan that enters the loop elsewhere, if one costs less in all; the loop's length is that of the cost.
 fn enter(
     scenario: &Scenario,
     task: &Task,
     path: &Path,
-    known: &Verified,
+    cost: Cost,
     seen: Option<&Seen<'_>>,
 ) -> Option<(Path, Verified)> {
-    let cost = known.cost;
     if path.suffix.len() < 2 {
         return None;
     }
-    let tried = entries(scenario, path, known).into_iter().take(ENTRIES);
+    let tried = entries(scenario, path, cost).into_iter().take(ENTRIES);
     let mut plausible = tried.filter(|e| seen.is_none_or(|s| s.allows(path, e)));
     plausible.find_map(|entry| {
         let folded = entry.path(path);
@@ -94,8 +96,8 @@ fn enter(
 }
 
 /// All entries that would make a plan cheaper, the cheapest first.
-fn entries(scenario: &Scenario, path: &Path, known: &Verified) -> Vec<Entry> {
-    let (cost, weight) = (known.cost, scenario.weight);
+fn entries(scenario: &Scenario, path: &Path, cost: Cost) -> Vec<Entry> {
+    let weight = scenario.weight;
     let mut entries = Vec::new();
     let mut walked = 0.0;
     for (leave, from) in path.prefix.iter().enumerate() {

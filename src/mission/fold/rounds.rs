@@ -14,7 +14,7 @@ use crate::alphabet::Props;
 use crate::automaton::Task;
 use crate::ltl::semantics;
 use crate::mission::check;
-use crate::plan::{Path, Waypoint};
+use crate::plan::{Cost, Path, Waypoint};
 use crate::scenario::Scenario;
 use crate::system::Continuous;
 use crate::verify::Verified;
@@ -24,6 +24,96 @@ const TRIES: usize = 256;
 
 /// So many of them at most come back around obstacles: on maps of thousands of corners each such way takes milliseconds.
 const WALKS: usize = 16;
+
+/// So many visits of the prefix at most are where a round begins that is entered elsewhere, the last ones.
+const WIDER: usize = 16;
+
+/// The cheapest plan whose loop does what the prefix did from some visit on, entered elsewhere. To visit in every round what the prefix
+/// visited last may cost next to nothing, and let the loop be entered where it passes the start.
+pub(super) fn enter_wider(
+    scenario: &Scenario,
+    task: &Task,
+    path: &Path,
+    known: &Verified,
+) -> Option<(Path, Verified)> {
+    let last = path.prefix.len() - 1;
+    if path.suffix.len() < 2 {
+        return None;
+    }
+    let mut best: Option<(Path, Verified)> = None;
+    let mut walks = Walks::new(scenario);
+    let turn = path.suffix.len() - 1;
+    let map = &scenario.workspace;
+    let sees = |&i: &usize| {
+        let letter = map.letter_at(path.prefix[i].at);
+        letter.is_some_and(|l| !map.alphabet().props(l).is_empty())
+    };
+    for begin in (0..last).rev().filter(sees).take(WIDER) {
+        let total = best.as_ref().map_or(known.cost.total, |b| b.1.cost.total);
+        let to = path.prefix[begin].at;
+        let round = Round {
+            least: 0.0,
+            begin,
+            turn,
+        };
+        // Rounds that begin earlier are longer.
+        let is_short = |length: f64| is_less((1.0 - scenario.weight) * length, total);
+        if !is_short(length(&round.path(path, &[to]).suffix)) {
+            break;
+        }
+        let Some(way) = walks.way(path.suffix[turn].at, to) else {
+            continue;
+        };
+        let wider = round.path(path, &way);
+        let length = length(&wider.suffix);
+        if !is_short(length) {
+            continue;
+        }
+        let cost = Cost {
+            suffix: length,
+            total,
+            ..known.cost
+        };
+        let seen = Seen::new(scenario, task, &wider);
+        best = super::enter(scenario, task, &wider, cost, seen.as_ref()).or(best);
+    }
+    best
+}
+
+fn length(points: &[Waypoint]) -> f64 {
+    let legs = points.windows(2);
+    legs.map(|w| (w[1].at - w[0].at).norm()).sum()
+}
+
+/// Ways back to where a round begins.
+struct Walks<'a> {
+    scenario: &'a Scenario,
+    /// Made where the first straight way is blocked.
+    system: Option<Option<Continuous>>,
+    left: usize,
+}
+
+impl<'a> Walks<'a> {
+    fn new(scenario: &'a Scenario) -> Self {
+        Self {
+            scenario,
+            system: None,
+            left: WALKS,
+        }
+    }
+
+    /// The bends of a way and its end: straight, or around obstacles.
+    fn way(&mut self, from: Point2<f64>, to: Point2<f64>) -> Option<Vec<Point2<f64>>> {
+        let scenario = self.scenario;
+        if along(scenario, from, to).is_some() {
+            return Some(vec![to]);
+        }
+        self.left = self.left.checked_sub(1)?;
+        let map = || Continuous::new(Arc::clone(&scenario.workspace), scenario.start).ok();
+        let system = self.system.get_or_insert_with(map).as_ref()?;
+        Some(system.shortest_path(from, to)?[1..].to_vec())
+    }
+}
 
 /// A round from a point of the prefix along the path to a point of the loop, and back from there.
 struct Round {
@@ -45,18 +135,7 @@ pub(super) fn begin_earlier(
     seen: &Seen<'_>,
 ) -> Option<(Path, Verified)> {
     let mut best: Option<(Path, Verified)> = None;
-    // Made where the first straight way back is blocked.
-    let mut system = None;
-    let mut walks = 0;
-    let mut around = |from, to| {
-        walks += 1;
-        if walks > WALKS {
-            return None;
-        }
-        let map = || Continuous::new(Arc::clone(&scenario.workspace), scenario.start).ok();
-        let system = system.get_or_insert_with(map).as_ref()?;
-        Some(system.shortest_path(from, to)?[1..].to_vec())
-    };
+    let mut walks = Walks::new(scenario);
     for round in rounds(scenario, path, known.cost.total)
         .into_iter()
         .take(TRIES)
@@ -66,10 +145,7 @@ pub(super) fn begin_earlier(
             break;
         }
         let (from, to) = (path.suffix[round.turn].at, path.prefix[round.begin].at);
-        let way = match along(scenario, from, to) {
-            Some(_) => Some(vec![to]),
-            None => around(from, to),
-        };
+        let way = walks.way(from, to);
         let Some(way) = way.filter(|way| seen.allows_round(path, &round, way)) else {
             continue;
         };

@@ -303,8 +303,8 @@ fn target_of_edge(
     }
     let root = view.tree.root();
     let closes = closing.is_some_and(|c| c.letters().contains(letter));
-    if closes && root.letter == letter {
-        // From where the straight way to the root enters the region it is in sight.
+    if closes && root.letter == letter && view.settings.lead > 0.0 {
+        // From where the straight way to the root enters the region it is in sight (ours; not by the paper's rule).
         return Some(Target {
             at: root.at,
             fixed: true,

@@ -246,24 +246,6 @@ fn accepting_states_that_are_only_passed_are_no_goals() {
 }
 
 #[test]
-fn an_accepting_start_that_nothing_follows_is_no_goal() {
-    // As automata that are read may have: state 0 needs a at once, state 1 waits for b.
-    let task = |alphabet: &Arc<Alphabet>| {
-        let edges = [(0, 0, "a"), (1, 1, "!b"), (1, 2, "b"), (2, 2, "*")];
-        Nba {
-            initial: vec![StateId(0), StateId(1)],
-            ..nba(alphabet, &[true, false, true], &edges)
-        }
-    };
-    let problem = problem(p(0.1, 0.1), 0.2, task);
-    for sampler in samplers(&problem) {
-        let found = run(&problem, &sampler, &Settings::default()).unwrap();
-        assert_eq!(found.stats.suffix_trees, 0, "{}", sampler.name());
-        assert!(found.stats.first_prefix.unwrap().iterations > 0);
-    }
-}
-
-#[test]
 fn cycles_close_in_regions_that_are_not_seen_through() {
     // The automaton cannot wait in its accepting state, so the robot has to come back to the root from where the region is in
     // sight of it.

@@ -27,10 +27,6 @@ impl Search<'_> {
                 continue;
             }
             let letter = self.prefix.spot(node).letter;
-            let mut next = self.problem.task.nba.successors(state, letter);
-            if next.next().is_none() {
-                continue; // nothing follows on a start that the automaton accepts once
-            }
             let stays = self.staying[letter.index()][state.index()];
             if !std::mem::replace(&mut self.known[node.index()], true) {
                 self.stats.goals += 1;

@@ -16,6 +16,7 @@ use crate::ltl::semantics;
 use crate::plan::{Cost, Path, Waypoint};
 use crate::scenario::Scenario;
 use crate::verify::Verified;
+use rounds::Walks;
 
 /// So many entries are tried at most, the cheapest first.
 const ENTRIES: usize = 256;
@@ -47,9 +48,10 @@ pub(super) fn fold(
         return None;
     }
     let mut best: Option<(Path, Verified)> = None;
+    let mut walks = Walks::new(scenario);
     for _ in 0..AGAIN {
         let (path, known) = best.as_ref().map_or((path, known), |(p, v)| (p, v));
-        let Some(cheaper) = fold_once(scenario, task, path, known) else {
+        let Some(cheaper) = fold_once(scenario, task, path, known, &mut walks) else {
             break;
         };
         best = Some(cheaper);
@@ -57,20 +59,21 @@ pub(super) fn fold(
     best
 }
 
-/// The cheaper one of the best other entry and the best earlier round.
+/// The cheapest of the best other entry, the best wider round and the best earlier one.
 fn fold_once(
     scenario: &Scenario,
     task: &Task,
     path: &Path,
     known: &Verified,
+    walks: &mut Walks<'_>,
 ) -> Option<(Path, Verified)> {
     let seen = Seen::new(scenario, task, path);
     let entered = enter(scenario, task, path, known.cost, seen.as_ref());
     let known = entered.as_ref().map_or(known, |(_, verified)| verified);
     let begun = seen.and_then(|seen| {
-        let wider = rounds::enter_wider(scenario, task, path, known);
+        let wider = rounds::enter_wider(scenario, task, path, known, walks);
         let known = wider.as_ref().map_or(known, |(_, verified)| verified);
-        rounds::begin_earlier(scenario, task, path, known, &seen).or(wider)
+        rounds::begin_earlier(scenario, task, path, known, &seen, walks).or(wider)
     });
     begun.or(entered)
 }

@@ -431,7 +431,7 @@ pub(super) struct GuidedArgs {
     /// nodes and targets drawn uniformly
     #[arg(long, value_name = "P", default_value_t = Settings::default().lead)]
     pub(super) lead: f64,
-    /// Directed and guided: probability to draw from the target's region, or one on the way, once a straight leg leads there
+    /// Directed and guided: probability to draw from the target's region, or from or beside one on the way, once a straight leg leads there
     #[arg(long, value_name = "P", default_value_t = Settings::default().p_region)]
     pub(super) p_region: f64,
     /// Directed and guided: half side of the square around the next corner of the shortest way, relative to the map's side

@@ -14,7 +14,7 @@ use crate::alphabet::Props;
 use crate::automaton::Task;
 use crate::ltl::semantics;
 use crate::mission::check;
-use crate::plan::{Cost, Path, Waypoint};
+use crate::plan::{Cost, Path, Waypoint, length};
 use crate::scenario::Scenario;
 use crate::system::Continuous;
 use crate::verify::Verified;
@@ -35,13 +35,14 @@ pub(super) fn enter_wider(
     task: &Task,
     path: &Path,
     known: &Verified,
+    walks: &mut Walks<'_>,
 ) -> Option<(Path, Verified)> {
     let last = path.prefix.len() - 1;
     if path.suffix.len() < 2 {
         return None;
     }
     let mut best: Option<(Path, Verified)> = None;
-    let mut walks = Walks::new(scenario);
+    walks.renew();
     let turn = path.suffix.len() - 1;
     let map = &scenario.workspace;
     let sees = |&i: &usize| {
@@ -80,13 +81,8 @@ pub(super) fn enter_wider(
     best
 }
 
-fn length(points: &[Waypoint]) -> f64 {
-    let legs = points.windows(2);
-    legs.map(|w| (w[1].at - w[0].at).norm()).sum()
-}
-
 /// Ways back to where a round begins.
-struct Walks<'a> {
+pub(super) struct Walks<'a> {
     scenario: &'a Scenario,
     /// Made where the first straight way is blocked.
     system: Option<Option<Continuous>>,
@@ -94,12 +90,17 @@ struct Walks<'a> {
 }
 
 impl<'a> Walks<'a> {
-    fn new(scenario: &'a Scenario) -> Self {
+    pub(super) fn new(scenario: &'a Scenario) -> Self {
         Self {
             scenario,
             system: None,
             left: WALKS,
         }
+    }
+
+    /// Allows as many ways around obstacles as at first.
+    fn renew(&mut self) {
+        self.left = WALKS;
     }
 
     /// The bends of a way and its end: straight, or around obstacles.
@@ -133,9 +134,10 @@ pub(super) fn begin_earlier(
     path: &Path,
     known: &Verified,
     seen: &Seen<'_>,
+    walks: &mut Walks<'_>,
 ) -> Option<(Path, Verified)> {
     let mut best: Option<(Path, Verified)> = None;
-    let mut walks = Walks::new(scenario);
+    walks.renew();
     for round in rounds(scenario, path, known.cost.total)
         .into_iter()
         .take(TRIES)

@@ -56,14 +56,14 @@ use nalgebra::Point2;
 use product::{Node, Product};
 
 use super::Halt;
-use super::distance::{RESOLUTION, are_apart, segment_distance};
+use super::distance::{RESOLUTION, are_apart};
 use super::visits::least_cost;
 use super::words::Relations;
 use crate::alphabet::{Letter, Props};
 use crate::automaton::Task;
 use crate::shorten::used_regions;
 use crate::workspace::visibility::{PathsTo, VisibilityGraph};
-use crate::workspace::{Polygon, Side, Workspace};
+use crate::workspace::{Polygon, Side, Workspace, segment_distance};
 
 /// Rounds of refinement, and the number of legs in the product beyond which no further one begins.
 const ROUNDS: usize = 24;

@@ -8,6 +8,7 @@
 
 mod advice;
 mod early;
+mod informed;
 mod parallel;
 mod polish;
 mod sampler;
@@ -91,8 +92,8 @@ pub struct Stats {
     pub threads: u64,
     /// Sampler calls, over prefix and suffix trees together; failed samples count.
     pub iterations: u64,
-    /// Samples that failed: no progress possible from the drawn node, nothing connects, or only
-    /// obstacles were drawn.
+    /// Samples that failed: no progress possible from the drawn node, nothing connects, only
+    /// obstacles were drawn, or what no cheaper plan can visit.
     pub failed_samples: u64,
     /// Product states in all trees.
     pub nodes: u64,

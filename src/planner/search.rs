@@ -2,6 +2,7 @@
 
 mod ground;
 mod growth;
+mod limits;
 mod plans;
 mod turns;
 
@@ -293,7 +294,8 @@ impl<'a> Search<'a> {
     fn grow_prefix(&mut self) {
         let reached = self.stats.first_prefix.is_some();
         let aim = Aim::Prefix { reached };
-        let limit = self.limit(0.0, self.least_share());
+        let limit = self.prefix_limit();
+        self.inform_prefix();
         self.prefix.limit(limit);
         let beacon = self.polish.as_mut().and_then(|p| p.beacons.pop_front());
         let grown = match beacon {
@@ -317,6 +319,7 @@ impl<'a> Search<'a> {
 
     fn grow_suffix(&mut self, i: usize) {
         let limit = self.suffix_limit(self.prefix.cost(self.suffixes[i].goal));
+        self.inform_suffix(i);
         let suffix = &mut self.suffixes[i];
         suffix.tree.limit(limit);
         suffix.renew(&self.prefix);

@@ -39,7 +39,8 @@ pub struct Settings {
     /// `first`.
     pub shorten: bool,
     /// Pass over points and product states that no cheaper plan than the best can visit (J. D. Gammell,
-    /// S. S. Srinivasa, T. D. Barfoot, "Informed RRT*", IROS 2014, with bounds by straight lines).
+    /// S. S. Srinivasa, T. D. Barfoot, "Informed RRT*", IROS 2014): by the length of the way there, in large trees also by what the mission asks for from
+    /// there on. Paths that cost up to 5 % more are kept where they can be [shortened](Self::shorten).
     pub informed: bool,
     /// At most `neighbours · ln(n+1)` sites within the near radius, the nearest, are connected: RRT*'s
     /// k-nearest rule, by which an iteration's cost grows with log n however sites cluster. Above

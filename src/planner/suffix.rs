@@ -1,6 +1,9 @@
 //! Suffix trees: ways from a goal back to itself (`nngtl.md`, III-A, 2), and where the prefix enters them.
 
+use std::sync::Arc;
+
 use super::early::Early;
+use super::informed::{Informed, Relaxed};
 use super::sampler::Aim;
 use super::tree::{Near, NodeId, Tree};
 use crate::automaton::{Nba, StateId};
@@ -58,6 +61,16 @@ impl<'a> SuffixTree<'a> {
         {
             self.tree.touch_all();
         }
+    }
+
+    /// Lets the tree know what cycles come to at least, unless they may begin elsewhere, too.
+    pub(super) fn inform(&mut self, relaxed: &Arc<Relaxed>, nba: &Nba) {
+        if self.early.is_some() || self.tree.is_informed() {
+            return;
+        }
+        let (at, states) = (Some(self.tree.root().at), [self.state]);
+        let informed = Informed::new(relaxed, nba, (at, &states), (at, &states));
+        self.tree.inform(informed);
     }
 
     /// What the tree is to grow towards.

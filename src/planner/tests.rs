@@ -469,6 +469,36 @@ fn a_raised_stop_ends_with_the_best_so_far() {
     assert!(solution.cost.total > 0.0);
 }
 
+#[test]
+fn what_no_cheaper_plan_can_visit_is_left_out() {
+    let search = |problem: &Problem, informed: bool| {
+        let settings = Settings {
+            iterations: 6_000,
+            informed,
+            ..Settings::default()
+        };
+        let found = plan(
+            problem,
+            &Sampler::Biased,
+            &settings,
+            &Stop::new(),
+            &mut |_| {},
+        );
+        let Solution { cost, stats, .. } = found.unwrap();
+        (cost.total, stats.nodes)
+    };
+    // A plan that stays, and one that goes round.
+    let problems = [
+        problem(p(0.1, 0.1), 0.2, visit),
+        problem(p(0.1, 0.1), 0.5, patrol),
+    ];
+    for (problem, share) in problems.iter().zip([0.4, 1.0]) {
+        let ((least, few), (cost, all)) = (search(problem, true), search(problem, false));
+        assert!((few as f64) < share * all as f64, "{few} of {all} nodes");
+        assert!(least <= cost * (1.0 + 1e-3), "{least} {cost}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(16))]
 

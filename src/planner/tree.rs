@@ -17,6 +17,7 @@ use std::sync::Arc;
 
 use nalgebra::Point2;
 
+use super::informed::{Informed, Outlook};
 use super::sampler::leads::Leads;
 use super::split::{Began, Clock, Split};
 use crate::alphabet::Letter;
@@ -115,6 +116,8 @@ pub struct Tree<'a> {
     touched: Vec<NodeId>,
     /// No node of this cost or more is added.
     limit: f64,
+    /// What is left at least from the place that is being added.
+    outlook: Outlook,
     /// Whether points come in an order in which what one has read serves the next.
     swept: bool,
     clock: Clock,
@@ -188,6 +191,7 @@ impl<'a> Tree<'a> {
             by_state: vec![Vec::new(); nba.len()],
             touched: Vec::new(),
             limit: f64::INFINITY,
+            outlook: Outlook::new(nba.len()),
             swept: false,
             clock: Clock::default(),
             leads: RefCell::default(),
@@ -409,6 +413,20 @@ impl<'a> Tree<'a> {
         self.limit = limit;
     }
 
+    /// Lets the tree know what ways come to at least: from now on nothing is added that can be on none shorter than the limit.
+    pub(super) fn inform(&mut self, informed: Informed) {
+        self.outlook.inform(informed);
+    }
+
+    pub(super) fn is_informed(&self) -> bool {
+        self.outlook.is_informed()
+    }
+
+    /// Whether a way that is shorter than the limit can lead over a place, as far as that is known.
+    pub(super) fn may_lead_over(&mut self, at: Point2<f64>) -> bool {
+        self.outlook.look(at, self.limit)
+    }
+
     /// What samplers remember of the nodes.
     pub(crate) fn leads(&self) -> &RefCell<Leads> {
         &self.leads
@@ -504,7 +522,7 @@ impl<'a> Tree<'a> {
 
     /// As [`Self::settle_states`], and what follows further on is still owed.
     fn settle(&mut self, site: SiteId) {
-        let letter = self.site_spot(site).letter;
+        let Spot { at, letter } = self.site_spot(site);
         let mut open = std::mem::take(&mut self.open);
         open.extend(self.at_site(site).iter().map(|&(_, n)| n));
         while let Some(node) = open.pop() {
@@ -512,6 +530,10 @@ impl<'a> Tree<'a> {
             for k in self.steps.range(letter, state) {
                 let target = self.steps.target(k);
                 if target == state || self.steps.is_end(letter, target) {
+                    continue;
+                }
+                let known = self.node_at(site, target).is_some();
+                if !known && cost + self.outlook.left_from(at, target) >= self.limit {
                     continue;
                 }
                 if let Some(changed) = self.connect(site, target, cost, node.0) {

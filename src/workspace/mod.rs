@@ -8,6 +8,7 @@
 
 mod bands;
 mod cells;
+mod distance;
 mod geodesics;
 mod index;
 mod lines;
@@ -29,6 +30,7 @@ use crate::random::Random;
 use index::PolygonIndex;
 
 pub use cells::Cell;
+pub(crate) use distance::{Segment, segment_distance};
 pub(crate) use polygon::segments_meet;
 pub use polygon::{Polygon, PolygonError, Side};
 pub use trace::{Blocked, Stretch};

@@ -8,9 +8,9 @@ use nalgebra::Point2;
 use super::duties::Duty;
 use crate::automaton::Task;
 use crate::exact::Halt;
-use crate::exact::distance::{Segment, are_apart, segment_distance};
+use crate::exact::distance::are_apart;
 use crate::workspace::visibility::{PathsTo, VisibilityGraph};
-use crate::workspace::{Polygon, Side, Workspace};
+use crate::workspace::{Polygon, Segment, Side, Workspace, segment_distance};
 
 /// Into about so many pieces borders are cut.
 const PIECES: f64 = 72.0;

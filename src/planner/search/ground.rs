@@ -1,11 +1,12 @@
 //! The problem as a search sees it.
 
 use std::borrow::Cow;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::automaton::{Copies, StateId, Task};
 use crate::plan::Path;
 use crate::planner::Problem;
+use crate::planner::informed::Relaxed;
 use crate::planner::sampler::Sampler;
 
 /// A problem, with an automaton whose accepting states are those that a run comes back to ([`Copies`]).
@@ -14,6 +15,7 @@ pub(crate) struct Ground<'a> {
     problem: Cow<'a, Problem>,
     /// For each state of the automaton the one of the problem's that it stands for, if that is another automaton.
     origin: Option<Vec<StateId>>,
+    relaxed: OnceLock<Option<Arc<Relaxed>>>,
 }
 
 impl<'a> Ground<'a> {
@@ -22,6 +24,7 @@ impl<'a> Ground<'a> {
             return Self {
                 problem: Cow::Borrowed(problem),
                 origin: None,
+                relaxed: OnceLock::new(),
             };
         };
         let task = Task::from_trimmed(nba, problem.task.formula.clone());
@@ -32,7 +35,18 @@ impl<'a> Ground<'a> {
         Self {
             problem: Cow::Owned(problem),
             origin: Some(origin),
+            relaxed: OnceLock::new(),
         }
+    }
+
+    /// What ways come to at least is found with this; `None` where that is unknown. Made when it is first asked for.
+    pub(super) fn relaxed(&self) -> Option<&Arc<Relaxed>> {
+        let make = || {
+            let Task { nba, feasible, .. } = &*self.problem.task;
+            let map = self.problem.system.plane()?;
+            Relaxed::of(map, nba, feasible).map(Arc::new)
+        };
+        self.relaxed.get_or_init(make).as_ref()
     }
 
     pub(crate) fn problem(&self) -> &Problem {

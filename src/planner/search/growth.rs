@@ -33,6 +33,9 @@ pub(super) fn grow(
     };
     tree.sampled(began);
     let side = problem.system.bounds().side();
+    if settings.range.is_none() && !tree.may_lead_over(at) {
+        return false; // found out sooner than what is near
+    }
     let near = settings.near(tree.site_count(), side);
     let (anchor, from) = match closest {
         Some(node) => (tree.site_of(node), tree.spot(node).at),

@@ -174,49 +174,10 @@ impl Search<'_> {
         })
     }
 
-    /// Whether a plan by a goal with a way of this length can be cheaper than the best. The way is part of the
-    /// prefix as far as the suffix's entry, and of the suffix from there.
-    fn can_improve(&self, way: f64) -> bool {
-        let bound = self.least_share() * way;
-        self.best.as_ref().is_none_or(|b| bound < b.cost.total)
-    }
-
-    /// The least that a unit of length costs.
-    pub(super) fn least_share(&self) -> f64 {
-        self.problem.weight.min(1.0 - self.problem.weight)
-    }
-
     fn open_suffix(&mut self, goal: NodeId) {
         let tree = SuffixTree::weighted(&self.prefix, goal, self.problem.weight);
         self.suffix_of.insert(goal, self.suffixes.len());
         self.suffixes.push(tree);
-    }
-
-    /// The length that a part of weight `share` must stay below for a plan to beat the best, where
-    /// `known` is the cost of the rest at least.
-    pub(super) fn limit(&self, known: f64, share: f64) -> f64 {
-        match &self.best {
-            Some(best) if self.settings.informed && share > 1e-9 => {
-                (best.cost.total - known) / share
-            }
-            _ => f64::INFINITY,
-        }
-    }
-
-    /// The length that a suffix by a goal with a way of this length must stay below for its plan to beat the
-    /// best: the way is part of the prefix, but for as much of it as the suffix may hold.
-    pub(super) fn suffix_limit(&self, way: f64) -> f64 {
-        let (before, after) = (self.problem.weight, 1.0 - self.problem.weight);
-        let whole = self.limit(0.0, after);
-        if !whole.is_finite() || whole >= way {
-            return whole;
-        }
-        // Shorter than the way: so the prefix is what is left of it at least.
-        if before < after {
-            self.limit(before * way, after - before)
-        } else {
-            0.0
-        }
     }
 }
 

@@ -64,10 +64,14 @@ impl Tree<'_> {
     /// Whether a move between two places is possible is asked once at most.
     /// States that nothing follows on the place's letter are left out (ours): no path and no suffix goes on from there.
     ///
-    /// Where none of the near sites leads to the place, `near.more` sites are tried.
+    /// Where none of the near sites leads to the place, `near.more` sites are tried. What can be on no way shorter than the limit is left
+    /// out, as far as the tree is [informed](super::Tree::inform).
     ///
     /// Returns the site if anything was connected to it.
     pub(crate) fn extend(&mut self, spot: Spot, near: Near, also: &[SiteId]) -> Option<SiteId> {
+        if !self.may_lead_over(spot.at) {
+            return None;
+        }
         let mut neighbours = std::mem::take(&mut self.neighbours);
         let mut moves = std::mem::take(&mut self.moves);
         let mut ways = std::mem::replace(&mut self.ways, Ways::new(0));
@@ -83,7 +87,8 @@ impl Tree<'_> {
         self.reachable_states(&spot, &mut neighbours, &mut ways);
         self.clock.stop(began, |s| &mut s.extend);
         // Where a cost limit ruled some out, others further away are no help.
-        let limited = |n: &Neighbour| n.bound >= self.limit;
+        let limit = self.reach_limit();
+        let limited = |n: &Neighbour| n.bound >= limit;
         if ways.found.is_empty()
             && !finite
             && near.more > neighbours.len()
@@ -223,7 +228,7 @@ impl Tree<'_> {
         let mut reach = Reach {
             states: 0,
             most: 0.0,
-            limit: self.limit,
+            limit: self.reach_limit(),
             few: self.by_state.len() <= 64,
         };
         self.fetch(neighbours);
@@ -247,6 +252,11 @@ impl Tree<'_> {
         ways.sort();
     }
 
+    /// What a way to the place that is being added must stay below.
+    fn reach_limit(&self) -> f64 {
+        self.limit - self.outlook.least()
+    }
+
     /// Reads what [`Self::enter`] will ask of sites with several nodes: one kind of memory after the other, and nothing but reads, so that
     /// the processor waits for all sites at once. In a tree that no cache holds it would else wait three times for each.
     fn fetch(&self, neighbours: &[Neighbour]) {
@@ -255,7 +265,7 @@ impl Tree<'_> {
         }
         let several = || {
             let wanted = neighbours.iter();
-            wanted.filter(|n| n.only == NONE && n.bound < self.limit)
+            wanted.filter(|n| n.only == NONE && n.bound < self.reach_limit())
         };
         let mut sum = 0;
         for n in several() {
@@ -293,7 +303,7 @@ impl Tree<'_> {
             let row = self.steps.row(letter, state);
             let mut targets = self.steps.range_of(row).map(|k| self.steps.target(k));
             // Most of many nodes have nothing to give.
-            if cost < self.limit
+            if cost < reach.limit
                 && targets.any(|target| cost < ways.cost(target))
                 && !self.enter_from((node, row, cost), spot, neighbour, ways, reach)
             {
@@ -314,7 +324,10 @@ impl Tree<'_> {
     ) -> bool {
         for k in self.steps.range_of(row) {
             let target = self.steps.target(k);
-            if ways.cost(target) <= cost || self.steps.is_end(spot.letter, target) {
+            if ways.cost(target) <= cost
+                || self.steps.is_end(spot.letter, target)
+                || cost + self.outlook.left(target) >= self.limit
+            {
                 continue;
             }
             let visible = neighbour.visible.unwrap_or_else(|| {

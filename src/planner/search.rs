@@ -34,9 +34,9 @@ const HEARTBEAT: u64 = 32;
 /// What may pass between two looks: half of it makes them more frequent.
 const PULSE: Duration = Duration::from_millis(20);
 
-/// So many nodes below those that are rerouted get cheaper in one iteration at most: more than in
-/// nearly all iterations on automata of a few states.
-const ALLOWANCE: usize = 2_000;
+/// So many nodes below those that are rerouted get cheaper in one iteration at most, for each doubling of the tree, and more on large
+/// automata: enough in nearly all iterations, and no iteration costs more than log n.
+const ALLOWANCE: usize = 10;
 
 /// Searches of so many iterations get the memory for their prefix tree at once.
 const LONG: u64 = 8_192;
@@ -179,7 +179,7 @@ impl<'a> Search<'a> {
         let problem = ground.problem();
         let nba = &problem.task.nba;
         let mut prefix = Tree::new(&*problem.system, nba, problem.start, &nba.initial);
-        prefix.pass_on_at_most(ALLOWANCE);
+        prefix.pass_on_at_most(ALLOWANCE + nba.len() / 4);
         if (LONG..u64::MAX).contains(&settings.iterations) {
             prefix.expect(settings.iterations);
         }

@@ -134,7 +134,7 @@ pub struct Tree<'a> {
     ways: Ways,
     /// Nodes that owe their children something.
     owing: VecDeque<NodeId>,
-    /// How many nodes get cheaper in one step at most, but for those that are rerouted themselves.
+    /// How many nodes get cheaper in one step at most, but for those that are rerouted themselves, for each doubling of the tree.
     allowance: usize,
     open: Vec<NodeId>,
 }
@@ -290,8 +290,8 @@ impl<'a> Tree<'a> {
         length
     }
 
-    /// Lets no more than so many nodes below those that are rerouted get cheaper in one step; others
-    /// wait for the next. In a product with a large automaton a step can concern most of the tree.
+    /// Lets no more than so many nodes below those that are rerouted get cheaper in one step, times the binary logarithm of the tree's size;
+    /// others wait for the next. Near the root a step can concern most of the tree.
     pub(crate) fn pass_on_at_most(&mut self, allowance: usize) {
         self.allowance = allowance;
     }

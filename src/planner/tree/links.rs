@@ -24,8 +24,10 @@ impl Tree<'_> {
     /// [`Self::pass_on_at_most`] allows; the rest waits for the next call. Many savings reach the same nodes: while
     /// one waits it gathers what it is told and passes on all of it in one.
     pub(super) fn pass_on(&mut self) {
+        let doublings = 1 + self.nodes.len().ilog2() as usize;
+        let allowance = self.allowance.saturating_mul(doublings);
         let mut paid = 0;
-        while paid < self.allowance {
+        while paid < allowance {
             let Some(node) = self.owing.pop_front() else {
                 return;
             };

@@ -73,11 +73,15 @@ fn check(formula: &Formula, alphabet: &Arc<Alphabet>, rng: &mut ChaCha8Rng) -> N
 fn automata_agree_with_semantics_over_disjoint_regions() {
     let alphabet = Arc::new(Alphabet::disjoint(names(4)).unwrap());
     let mut rng = ChaCha8Rng::seed_from_u64(100);
+    let mut larger = 0;
     for f in sample(1, 3000 * scale(), 4, &Weights::missions()) {
         let nba = check(&f, &alphabet, &mut rng);
         if nba.len() <= 4 {
             let invariant = nba.is_stutter_invariant(&Limits::default());
             assert_eq!(invariant, Ok(true), "{f}\n{nba}");
+        } else {
+            larger += 1;
+            repeat_letters(&nba, &mut rng);
         }
         let back = read_hoa(
             &nba.to_hoa(Some(&f.to_string())),
@@ -85,6 +89,28 @@ fn automata_agree_with_semantics_over_disjoint_regions() {
             &Limits::default(),
         );
         assert_eq!(back.as_ref(), Ok(&nba.with_one_initial()), "{f}");
+    }
+    assert!(larger > 100, "{larger} automata of more than four states");
+}
+
+/// Words that differ in repetitions alone are accepted alike: what the closure decides for small automata, on random words of larger ones.
+fn repeat_letters(nba: &Nba, rng: &mut ChaCha8Rng) {
+    let mut draw = |n: usize| rng.next_u32() as usize % n;
+    for _ in 0..20 {
+        let [prefix, cycle] = [draw(6), 1 + draw(5)].map(|n| {
+            let letters = (0..n).map(|_| Letter(draw(nba.alphabet.len()) as u32));
+            letters.collect::<Vec<_>>()
+        });
+        let mut repeated = |word: &[Letter]| -> Vec<Letter> {
+            let letters = word.iter();
+            letters.flat_map(|&l| vec![l; 1 + draw(4)]).collect()
+        };
+        let (long_prefix, long_cycle) = (repeated(&prefix), repeated(&cycle));
+        assert_eq!(
+            nba.accepts(&prefix, &cycle),
+            nba.accepts(&long_prefix, &long_cycle),
+            "{prefix:?}({cycle:?}) and {long_prefix:?}({long_cycle:?})\n{nba}"
+        );
     }
 }
 

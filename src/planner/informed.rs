@@ -187,19 +187,21 @@ impl Relaxed {
 
     /// The states between which and `ends` the automaton need read nothing but empty letters.
     fn free(&self, nba: &Nba, ends: &[StateId], along: Along) -> Vec<bool> {
+        let mut next = vec![Vec::new(); self.states];
+        for q in nba.states() {
+            for target in self.empty.iter().flat_map(|&e| nba.successors(q, e)) {
+                let (from, to) = match along {
+                    Along::Forwards => (q, target),
+                    Along::Backwards => (target, q),
+                };
+                next[from.index()].push(to);
+            }
+        }
         let mut free = vec![false; self.states];
         let mut open = ends.to_vec();
         while let Some(q) = open.pop() {
-            if std::mem::replace(&mut free[q.index()], true) {
-                continue;
-            }
-            let Some(empty) = self.empty else { continue };
-            match along {
-                Along::Forwards => open.extend(nba.successors(q, empty)),
-                Along::Backwards => {
-                    let leads = |p: &StateId| nba.guard(*p, q).is_some_and(|g| g.contains(empty));
-                    open.extend(nba.states().filter(leads));
-                }
+            if !std::mem::replace(&mut free[q.index()], true) {
+                open.extend_from_slice(&next[q.index()]);
             }
         }
         free

@@ -24,7 +24,7 @@ impl Tree<'_> {
     /// [`Self::pass_on_at_most`] allows; the rest waits for the next call. Many savings reach the same nodes: while
     /// one waits it gathers what it is told and passes on all of it in one.
     pub(super) fn pass_on(&mut self) {
-        let doublings = 1 + self.nodes.len().ilog2() as usize;
+        let doublings = 1 + (self.nodes.len() + 1).ilog2() as usize; // a tree may have no nodes yet
         let allowance = self.allowance.saturating_mul(doublings);
         let mut paid = 0;
         while paid < allowance {

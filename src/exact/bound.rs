@@ -55,10 +55,9 @@ use nalgebra::Point2;
 
 use product::{Node, Product};
 
-use super::Halt;
-use super::distance::{RESOLUTION, are_apart};
 use super::visits::least_cost;
 use super::words::Relations;
+use super::{Halt, RESOLUTION};
 use crate::alphabet::{Letter, Props};
 use crate::automaton::Task;
 use crate::shorten::used_regions;
@@ -244,7 +243,7 @@ impl Gates {
             let others = regions.iter().filter(|r| r.0 != i).map(|r| r.1);
             let mine = &workspace.regions()[i].polygon;
             let mut others = others.chain(workspace.obstacles());
-            others.all(|other| are_apart(mine, other, margin))
+            others.all(|other| mine.is_apart_from(other, margin))
         };
         let apart: Vec<bool> = (0..workspace.regions().len())
             .map(|i| used.contains(i) && is_apart(i))

@@ -14,7 +14,6 @@
 mod around;
 mod bound;
 mod cycles;
-mod distance;
 mod halt;
 mod mission;
 mod roadmap;
@@ -33,6 +32,10 @@ pub use bound::{Bounds, bounds_until, lower_bound, quick_bound};
 pub use halt::Halt;
 pub use roadmap::Roadmap;
 pub use visits::least_cost;
+
+/// What borders are resolved to lets a path cut corners by about so much, as a share of the map's
+/// longer side; lower bounds are lowered by it.
+const RESOLUTION: f64 = 1e-6;
 
 /// Settings of the exact planner.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -19,8 +19,7 @@ mod pieces;
 
 use nalgebra::Point2;
 
-use super::Halt;
-use super::distance::RESOLUTION;
+use super::{Halt, RESOLUTION};
 use crate::automaton::Task;
 use crate::workspace::Workspace;
 use duties::{Duty, duties};

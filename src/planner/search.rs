@@ -34,8 +34,8 @@ const HEARTBEAT: u64 = 32;
 /// What may pass between two looks: half of it makes them more frequent.
 const PULSE: Duration = Duration::from_millis(20);
 
-/// So many nodes below those that are rerouted get cheaper in one iteration at most, for each doubling of the tree, and more on large
-/// automata: enough in nearly all iterations, and no iteration costs more than log n.
+/// About so many nodes below those that are rerouted get cheaper in one iteration at most, for each doubling of the tree, and more on large
+/// automata: enough in nearly all iterations, and no more than log n.
 const ALLOWANCE: usize = 10;
 
 /// Searches of so many iterations get the memory for their prefix tree at once.

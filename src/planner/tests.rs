@@ -93,7 +93,11 @@ fn flat(task: &Task) -> Sampler {
     Sampler::Guided(Arc::new(Guide::new(&guidance, task.nba.len()).unwrap()))
 }
 
-fn run(problem: &Problem, sampler: &Sampler, settings: &Settings) -> Result<Solution, PlanError> {
+pub(super) fn run(
+    problem: &Problem,
+    sampler: &Sampler,
+    settings: &Settings,
+) -> Result<Solution, PlanError> {
     plan(problem, sampler, settings, &Stop::new(), &mut |_| {})
 }
 
@@ -477,13 +481,7 @@ fn what_no_cheaper_plan_can_visit_is_left_out() {
             informed,
             ..Settings::default()
         };
-        let found = plan(
-            problem,
-            &Sampler::Biased,
-            &settings,
-            &Stop::new(),
-            &mut |_| {},
-        );
+        let found = run(problem, &Sampler::Biased, &settings);
         let Solution { cost, stats, .. } = found.unwrap();
         (cost.total, stats.nodes)
     };

@@ -53,12 +53,11 @@ impl Polygon {
 
     /// At most the distance of another polygon, which is 0 where they meet; of polygons of few edges the distance itself.
     pub(crate) fn least_distance_to(&self, other: &Self) -> f64 {
-        let gap = |axis: usize| {
-            (other.min()[axis] - self.max()[axis]).max(self.min()[axis] - other.max()[axis])
-        };
+        let gaps = self.gaps(other);
         let many = self.vertices().len() * other.vertices().len() > PAIRS;
-        if many || gap(0).max(gap(1)) <= 0.0 && self.holds_or_is_held(other) {
-            return gap(0).max(0.0).hypot(gap(1).max(0.0));
+        let overlap = gaps[0].max(gaps[1]) <= 0.0;
+        if many || overlap && self.holds_or_is_held(other, 0.0) {
+            return gaps[0].max(0.0).hypot(gaps[1].max(0.0));
         }
         let pairs = self
             .edges()
@@ -66,9 +65,24 @@ impl Polygon {
         pairs.fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether one of two polygons whose borders do not cross holds the other.
-    fn holds_or_is_held(&self, other: &Self) -> bool {
-        let holds = |a: &Self, b: &Self| a.side_of(b.vertices()[0], 0.0) != Side::Outside;
+    /// Whether another polygon is further away than `margin`.
+    pub(crate) fn is_apart_from(&self, other: &Self, margin: f64) -> bool {
+        let [x, y] = self.gaps(other);
+        let mut edges = self.edges();
+        x.max(y) > margin
+            || !self.holds_or_is_held(other, margin)
+                && edges.all(|e| other.edges().all(|f| segment_distance(e, f) > margin))
+    }
+
+    /// How far the bounding boxes are apart along each axis; negative where they overlap.
+    fn gaps(&self, other: &Self) -> [f64; 2] {
+        let gap = |a: &Self, b: &Self, axis: usize| b.min()[axis] - a.max()[axis];
+        [0, 1].map(|axis| gap(self, other, axis).max(gap(other, self, axis)))
+    }
+
+    /// Whether one of two polygons whose borders do not cross holds the other, up to a tolerance.
+    fn holds_or_is_held(&self, other: &Self, tolerance: f64) -> bool {
+        let holds = |a: &Self, b: &Self| a.side_of(b.vertices()[0], tolerance) != Side::Outside;
         holds(self, other) || holds(other, self)
     }
 }
@@ -127,6 +141,10 @@ mod tests {
                 found <= scan + 1e-12 && scan <= found + 0.02,
                 "{found} {scan}"
             );
+            if found > 0.0 {
+                assert!(a.is_apart_from(&b, 0.999 * found));
+            }
+            assert!(!a.is_apart_from(&b, 1.001 * found));
         }
     }
 }

@@ -8,7 +8,6 @@ use nalgebra::Point2;
 use super::duties::Duty;
 use crate::automaton::Task;
 use crate::exact::Halt;
-use crate::exact::distance::are_apart;
 use crate::workspace::visibility::{PathsTo, VisibilityGraph};
 use crate::workspace::{Polygon, Segment, Side, Workspace, segment_distance};
 
@@ -93,7 +92,7 @@ fn space(map: &Workspace, start: Point2<f64>, task: &Task) -> Option<VisibilityG
         let mut others = others
             .map(|(_, region)| &region.polygon)
             .chain(map.obstacles());
-        others.all(|other| are_apart(mine, other, margin))
+        others.all(|other| mine.is_apart_from(other, margin))
     };
     let forbidden = (0..map.regions().len()).filter(|&r| is_forbidden(r) && is_apart(r));
     let mut obstacles = map.obstacles().to_vec();
@@ -111,7 +110,7 @@ fn are_duties_apart(map: &Workspace, first: &Duty, second: &Duty) -> bool {
         .regions
         .iter()
         .flat_map(|r| second.regions.iter().map(move |s| (r, s)));
-    pairs.any(|(r, s)| r != s && are_apart(polygon(r), polygon(s), margin))
+    pairs.any(|(r, s)| r != s && polygon(r).is_apart_from(polygon(s), margin))
 }
 
 /// The borders of the duties' places in pieces that no obstacle covers part of.

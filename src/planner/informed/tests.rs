@@ -4,12 +4,13 @@ use super::*;
 use crate::automaton::{Limits, Task};
 use crate::dataset::maps::{Family, draw_map, draw_start};
 use crate::dataset::missions::draw_pattern;
-use crate::plan::{Path, Waypoint};
-use crate::planner::{Problem, Sampler, Settings, Stop, plan};
+use crate::plan::{Path, Waypoint, length};
+use crate::planner::tests::run;
+use crate::planner::{Problem, Sampler, Settings};
 use crate::random::generator;
 use crate::system::Continuous;
 
-/// A random mission, where it has an automaton and its accepting states are all of use.
+/// A random mission, if it has an automaton.
 fn mission(seed: u64) -> Option<Problem> {
     let mut random = generator(seed, 31);
     let family = Family::ALL[seed as usize % Family::ALL.len()];
@@ -35,39 +36,22 @@ fn uninformed(problem: &Problem) -> Option<Path> {
         informed: false,
         ..Settings::default()
     };
-    let found = plan(
-        problem,
-        &Sampler::Directed,
-        &settings,
-        &Stop::new(),
-        &mut |_| {},
-    );
+    let found = run(problem, &Sampler::Directed, &settings);
     found.ok().map(|solution| solution.path)
 }
 
-/// Checks that no bound on a way is above what lies before and behind each of its points.
-fn check(informed: Informed, states: usize, way: &[Waypoint], slack: f64) {
-    let lengths = way.windows(2).map(|leg| (leg[1].at - leg[0].at).norm());
-    let along: Vec<f64> = std::iter::once(0.0)
-        .chain(lengths.scan(0.0, |sum, l| {
-            *sum += l;
-            Some(*sum)
-        }))
-        .collect();
-    let whole = along[along.len() - 1];
+/// Checks that no bound on a way is above what lies before and behind each of its points. Returns what is left from the first at least, as
+/// a share of the whole.
+fn check(informed: Informed, states: usize, way: &[Waypoint], slack: f64) -> f64 {
+    let whole = length(way);
     let mut outlook = Outlook::new(states);
     outlook.inform(informed);
-    for (w, along) in way.iter().zip(along) {
+    for (i, w) in way.iter().enumerate() {
         let left = outlook.left_from(w.at, w.state);
-        assert!(
-            left <= whole - along + slack,
-            "{left} left of {}",
-            whole - along
-        );
-        assert!(
-            outlook.look(w.at, whole + slack),
-            "{w:?} is on a way of {whole}"
-        );
+        let behind = length(&way[i..]);
+        assert!(left <= behind + slack, "{left} left of {behind}");
+        let seen = outlook.look(w.at, whole + slack);
+        assert!(seen, "{w:?} is on a way of {whole}");
         let seen = outlook.left(w.state);
         assert!(
             (seen - left).abs() <= 1e-9 * whole.max(1.0),
@@ -75,6 +59,7 @@ fn check(informed: Informed, states: usize, way: &[Waypoint], slack: f64) {
         );
         assert!(outlook.least() <= seen);
     }
+    outlook.left_from(way[0].at, way[0].state) / whole
 }
 
 #[test]
@@ -102,28 +87,20 @@ fn no_bound_is_above_what_plans_cost() {
         way.extend_from_slice(&suffix[1.min(pivot)..=pivot]);
         let roots = (Some(problem.start.at), &*nba.initial);
         let informed = Informed::new(&relaxed, nba, roots, (None, feasible));
-        let mut outlook = Outlook::new(nba.len());
-        outlook.inform(Informed::new(&relaxed, nba, roots, (None, feasible)));
-        let whole: f64 = way.windows(2).map(|l| (l[1].at - l[0].at).norm()).sum();
-        tight += usize::from(outlook.left_from(way[0].at, way[0].state) > 0.7 * whole);
-        check(informed, nba.len(), &way, slack);
+        tight += usize::from(check(informed, nba.len(), &way, slack) > 0.7);
         plans += 1;
         if suffix.len() > 1 {
             let count = suffix.len() - 1;
             let mut cycle: Vec<Waypoint> =
                 (0..count).map(|k| suffix[(pivot + k) % count]).collect();
             cycle.push(cycle[0]);
-            let length: f64 = cycle.windows(2).map(|l| (l[1].at - l[0].at).norm()).sum();
-            assert!(relaxed.least_cycle() <= length + slack);
-            tight += usize::from(relaxed.least_cycle() > 0.7 * length);
+            let round = length(&cycle);
+            assert!(relaxed.least_cycle() <= round + slack);
+            tight += usize::from(relaxed.least_cycle() > 0.7 * round);
             let end = [cycle[0].state];
             let ends = (Some(cycle[0].at), &end[..]);
-            check(
-                Informed::new(&relaxed, nba, ends, ends),
-                nba.len(),
-                &cycle,
-                slack,
-            );
+            let informed = Informed::new(&relaxed, nba, ends, ends);
+            check(informed, nba.len(), &cycle, slack);
             loops += 1;
         }
     }

@@ -1,7 +1,6 @@
 //! What the networks tell the sampler.
 
-use pulp::Arch;
-
+use crate::simd::vectorised;
 /// A square grid of non-negative weights over the workspace: where good paths run.
 ///
 /// Cell `(i, j)` counts from the lower-left corner of the (square) frame that the map encoding
@@ -64,7 +63,7 @@ impl Guidance {
     /// hang on the last bits, which differ between processors.
     #[must_use]
     pub fn quantised(mut self) -> Self {
-        Arch::new().dispatch(|| {
+        vectorised!({
             for values in [&mut self.heatmap.values, &mut self.states] {
                 values
                     .iter_mut()
@@ -96,8 +95,8 @@ pub(crate) fn nearest(value: f32) -> u32 {
 
 /// Whether all values are finite: looks at all of them, which is faster than stopping at the first that is not.
 pub(crate) fn are_finite(values: &[f32]) -> bool {
-    let magnitudes = values.iter().map(|v| v.to_bits() & 0x7FFF_FFFF);
-    let largest = Arch::new().dispatch(|| magnitudes.fold(0, u32::max));
+    let magnitudes = || values.iter().map(|v| v.to_bits() & 0x7FFF_FFFF);
+    let largest = vectorised!(magnitudes().fold(0, u32::max));
     largest < f32::INFINITY.to_bits()
 }
 

@@ -20,6 +20,7 @@ pub mod random;
 pub mod render;
 pub mod scenario;
 pub mod shorten;
+mod simd;
 pub mod system;
 pub mod transfer;
 pub mod verify;

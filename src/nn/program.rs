@@ -10,12 +10,12 @@
 //! Invariant ([`Program::check`]): no operation reads the buffer that it writes, with the
 //! exception of [`Op::Broadcast`] that adds.
 
+mod constant;
 mod op;
 mod prune;
 mod views;
 
-use std::sync::Arc;
-
+pub use constant::Constant;
 pub use op::{Activation, Edges, Op, Sign, Window};
 pub use views::{Buffer, BufferId, ConstantId, Extent, GraphSize, Map, Matrix};
 
@@ -62,9 +62,8 @@ pub struct Input {
 pub struct Program {
     /// The buffers.
     pub buffers: Vec<Buffer>,
-    /// The weights, in the layout that the operations ask for; shared by clones. (Slices in `Arc`
-    /// would be one more copy of them all.)
-    pub constants: Vec<Arc<Vec<f32>>>,
+    /// The weights, in the layout that the operations ask for.
+    pub constants: Vec<Constant>,
     /// What is filled in before a run.
     pub inputs: Vec<Input>,
     /// The operations, in order.
@@ -107,7 +106,7 @@ impl Program {
 
     /// Adds a constant.
     pub fn constant(&mut self, values: Vec<f32>) -> ConstantId {
-        self.constants.push(Arc::new(values));
+        self.constants.push(values.into());
         ConstantId(self.constants.len() as u32 - 1)
     }
 

@@ -1,18 +1,18 @@
 //! Convolution.
 
-use pulp::Arch;
-
 use super::math::finish_into;
 use super::padded::Padded;
 use super::product::{LANES, PANEL, Product};
 use super::views::{Planes, PlanesMut, Scratch, at_least};
-use crate::nn::program::{Activation, Window};
+use super::winograd::Winograd;
+use crate::nn::program::{Activation, Constant, Window};
+use crate::simd::vectorised;
 
 /// The weights of a convolution: `weight` as in the operation, `bias` (out).
 #[derive(Clone, Copy, Debug)]
 pub struct Kernel<'a> {
     /// The weights, in the layout of the operation.
-    pub weight: &'a [f32],
+    pub weight: &'a Constant,
     /// One value per output channel.
     pub bias: &'a [f32],
     /// The window.
@@ -29,6 +29,9 @@ pub fn conv2d(
     y: PlanesMut<'_>,
     scratch: &mut Scratch,
 ) {
+    if let Some(method) = Winograd::of_conv(k.window, x.channels, &y) {
+        return method.run(x, k, residual, y, scratch);
+    }
     let Window {
         kernel,
         stride,
@@ -67,7 +70,7 @@ pub fn conv2d(
     super::share(
         *threads,
         y,
-        offsets.len(),
+        offsets.len() * cells,
         tile,
         |first_channel, y, tile| {
             let left = &k.weight[first_channel * offsets.len()..];
@@ -87,7 +90,7 @@ pub fn conv2d(
                 // Where no columns are dropped, rows follow one another.
                 let line = if padded.width == width { rows } else { 1 } * width;
                 let step = line.max(padded.width);
-                let finish = || {
+                vectorised!({
                     for (c, values) in tile.chunks_exact(length).take(y.channels).enumerate() {
                         let channel = first_channel + c;
                         for r in 0..rows * width / line {
@@ -99,8 +102,7 @@ pub fn conv2d(
                             finish_into(to, values, residual, k.bias[channel], k.activation);
                         }
                     }
-                };
-                Arch::new().dispatch(finish);
+                });
             }
         },
     );

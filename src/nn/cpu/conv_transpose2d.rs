@@ -1,12 +1,13 @@
 //! Transposed convolution.
 
-use pulp::Arch;
-
 use super::conv2d::Kernel;
+use super::interleave::interleave;
 use super::math::finish;
 use super::padded::Padded;
 use super::product::{LANES, PANEL, Product};
 use super::views::{Planes, PlanesMut, Scratch, at_least};
+use super::winograd::Winograd;
+use crate::simd::vectorised;
 
 /// `y = activation(transposed convolution of x + bias)`.
 ///
@@ -14,6 +15,9 @@ use super::views::{Planes, PlanesMut, Scratch, at_least};
 /// every stride-th tap of the kernel: no product is wasted on inserted zeros and nothing is
 /// scattered. The layout of the weights is told at [`crate::nn::program::Op::ConvTranspose2d`].
 pub fn conv_transpose2d(x: Planes<'_>, k: &Kernel<'_>, y: PlanesMut<'_>, scratch: &mut Scratch) {
+    if let Some(method) = Winograd::of_transposed(k.window, x.channels, &y) {
+        return method.run(x, k, None, y, scratch);
+    }
     let (height, width) = (y.height, y.width);
     let (stride, taps) = (k.window.stride, k.window.taps());
     // Residue `p` begins at input cell `ahead(p)`, and has every stride-th output cell.
@@ -48,7 +52,7 @@ pub fn conv_transpose2d(x: Planes<'_>, k: &Kernel<'_>, y: PlanesMut<'_>, scratch
     super::share(
         *threads,
         y,
-        stride * depth,
+        depth * height * width,
         tile,
         |first_channel, y, tile| {
             let channels = y.channels;
@@ -71,7 +75,7 @@ pub fn conv_transpose2d(x: Planes<'_>, k: &Kernel<'_>, y: PlanesMut<'_>, scratch
                         };
                         product.run(&mut tile[column * part..], length);
                     }
-                    let finish_rows = || {
+                    vectorised!({
                         for line in 0..channels * rows {
                             let (c, r) = (line / rows, line % rows);
                             let row = residue + stride * (first + r);
@@ -82,33 +86,9 @@ pub fn conv_transpose2d(x: Planes<'_>, k: &Kernel<'_>, y: PlanesMut<'_>, scratch
                             interleave(to, stride, source);
                             finish(to, k.bias[first_channel + c], k.activation);
                         }
-                    };
-                    Arch::new().dispatch(finish_rows);
+                    });
                 }
             }
         },
     );
-}
-
-/// `line[column + stride·n] = source(column)[n]`.
-#[inline(always)]
-fn interleave<'a>(line: &mut [f32], stride: usize, source: impl Fn(usize) -> &'a [f32]) {
-    if stride == 2 && line.len() > 1 {
-        let (even, odd) = (source(0), source(1));
-        let (pairs, rest) = line.as_chunks_mut::<2>();
-        for ((pair, &a), &b) in pairs.iter_mut().zip(even).zip(odd) {
-            *pair = [a, b];
-        }
-        if let [last] = rest {
-            *last = even[even.len() - 1];
-        }
-        return;
-    }
-    for column in 0..stride.min(line.len()) {
-        line[column..]
-            .iter_mut()
-            .step_by(stride)
-            .zip(source(column))
-            .for_each(|(to, &v)| *to = v);
-    }
 }

@@ -1,10 +1,9 @@
 //! Attention over the edges of a graph.
 
-use pulp::Arch;
-
 use super::math::{dot, exp, leaky_relu};
 use super::views::{Mat, MatMut, Scratch, at_least};
 use crate::encoding::Incoming;
+use crate::simd::vectorised;
 
 /// Row `t` of `y` is `Σ α x_s` over the incoming edges of target `t`, `α` being the softmax of
 /// `leaky_relu(a_src · x_s + a_dst · x_t)`; zero without edges.
@@ -16,10 +15,16 @@ pub fn gat(
     target: Mat<'_>,
     attention: &[f32],
     edges: &Incoming,
-    y: MatMut<'_>,
+    mut y: MatMut<'_>,
     scratch: &mut Scratch,
 ) {
-    Arch::new().dispatch(|| attend([source, target], attention, edges, y, scratch));
+    vectorised!(attend(
+        [source, target],
+        attention,
+        edges,
+        y.reborrow(),
+        scratch
+    ));
 }
 
 #[inline(always)]

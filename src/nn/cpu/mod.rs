@@ -7,6 +7,7 @@
 mod conv2d;
 mod conv_transpose2d;
 mod gat;
+mod interleave;
 mod linear;
 pub mod math;
 pub mod matmul;
@@ -18,6 +19,7 @@ mod regions;
 mod session;
 mod share;
 mod views;
+mod winograd;
 
 pub use conv_transpose2d::conv_transpose2d;
 pub use conv2d::{Kernel, conv2d};

@@ -1,13 +1,12 @@
 //! Operations that move values without arithmetic, or nearly so.
 
-use pulp::Arch;
-
 use super::views::{Mat, MatMut, Planes, PlanesMut, Scratch, at_least};
+use crate::simd::vectorised;
 
 /// Bilinear interpolation, `align_corners = false`: cell `i` of the output has its centre at
 /// `(i + ½)·in/out − ½` of the input, and the border's values go on outside.
-pub fn upsample(x: Planes<'_>, y: PlanesMut<'_>, scratch: &mut Scratch) {
-    Arch::new().dispatch(|| interpolate(x, y, scratch));
+pub fn upsample(x: Planes<'_>, mut y: PlanesMut<'_>, scratch: &mut Scratch) {
+    vectorised!(interpolate(x, y.reborrow(), scratch));
 }
 
 #[inline(always)]

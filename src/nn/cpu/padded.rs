@@ -5,10 +5,9 @@
 //! begins at some place. Rows of the padded planes are wider than the output's; the columns
 //! between are computed and dropped.
 
-use pulp::Arch;
-
 use super::product::LANES;
 use super::views::Planes;
+use crate::simd::vectorised;
 
 /// Values of results and inputs that are worked on at a time: a quarter of a megabyte stays in a
 /// core's own cache while one panel of weights after the other passes over it.
@@ -45,7 +44,7 @@ impl Padded {
 
     /// Lays out the input.
     pub(super) fn fill(&self, x: Planes<'_>, planes: &mut [f32]) {
-        Arch::new().dispatch(|| self.copy(x, planes));
+        vectorised!(self.copy(x, planes));
     }
 
     #[inline(always)]
@@ -88,15 +87,10 @@ impl Padded {
         (plane * self.size() + shift[0] * self.width + shift[1]) as u32
     }
 
-    /// Rows of each strip of an output of `out` channels and `height` rows: results and inputs fit
-    /// into the cache, unless the weights would pass through it too often.
+    /// Rows of each strip of an output of `out` channels and `height` rows.
     pub(super) fn strip(&self, out: usize, height: usize) -> usize {
         let inputs = self.channels * self.phases * self.phases;
-        let fitting = STRIP / ((out + inputs) * self.width).max(1);
-        let enough = LEAST_COLUMNS.div_ceil(self.width.max(1));
-        let rows = fitting.max(enough).clamp(1, height.max(1));
-        // Strips of equal size.
-        height.div_ceil(height.div_ceil(rows).max(1)).max(1)
+        strip(out + inputs, self.width, height)
     }
 
     /// Columns of the product that gives `rows` rows of an output that is `width` wide: what is
@@ -104,6 +98,16 @@ impl Padded {
     pub(super) fn columns(&self, rows: usize, width: usize) -> usize {
         rows * self.width - (self.width - width)
     }
+}
+
+/// Rows at a time, of `height` rows of `width` cells with so many results and inputs each: they fit
+/// into the cache, unless the weights would pass through it too often.
+pub(super) fn strip(values: usize, width: usize, height: usize) -> usize {
+    let fitting = STRIP / (values * width).max(1);
+    let enough = LEAST_COLUMNS.div_ceil(width.max(1));
+    let rows = fitting.max(enough).clamp(1, height.max(1));
+    // Strips of equal size.
+    height.div_ceil(height.div_ceil(rows).max(1)).max(1)
 }
 
 /// `line[o] = row[o·stride + tap − padding]`, 0 outside the row.

@@ -86,7 +86,7 @@ impl Session {
 
     fn apply(&self, program: &Program, op: &Op, out: &mut [f32], scratch: &mut Scratch) {
         let size = self.size;
-        let constant = |id: ConstantId| &*program.constants[id.index()];
+        let constant = |id: ConstantId| &program.constants[id.index()];
         match *op {
             Op::Conv2d {
                 x,

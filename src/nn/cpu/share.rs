@@ -10,7 +10,7 @@ use super::views::PlanesMut;
 const MULTIPLY_ADDS_PER_THREAD: usize = 20_000_000;
 
 /// Runs `work` on groups of channels of `y`, whole panels of them, with at most `threads` threads
-/// where that pays. `depth` is how many multiply-adds a value takes. Work is handed the number of
+/// where that pays. `depth` is how many multiply-adds a channel takes. Work is handed the number of
 /// its first channel, its channels, and memory for itself: `tile` for the first thread.
 pub(super) fn share(
     threads: usize,
@@ -19,7 +19,7 @@ pub(super) fn share(
     tile: &mut Vec<f32>,
     work: impl Fn(usize, PlanesMut<'_>, &mut Vec<f32>) + Sync,
 ) {
-    let multiply_adds = y.data.len().saturating_mul(depth);
+    let multiply_adds = y.channels.saturating_mul(depth);
     let parts = threads
         .min(multiply_adds / MULTIPLY_ADDS_PER_THREAD)
         .min(y.channels.div_ceil(PANEL));

@@ -115,6 +115,18 @@ pub struct PlanesMut<'a> {
     pub width: usize,
 }
 
+impl PlanesMut<'_> {
+    /// The same map, borrowed for a shorter time.
+    pub fn reborrow(&mut self) -> PlanesMut<'_> {
+        PlanesMut {
+            data: self.data,
+            channels: self.channels,
+            height: self.height,
+            width: self.width,
+        }
+    }
+}
+
 /// Memory that kernels use between their steps, kept from one run to the next.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {

@@ -1,8 +1,6 @@
 //! What a result does not depend on is not computed.
 
-use std::sync::Arc;
-
-use super::{Extent, Op, Program};
+use super::{Constant, Extent, Op, Program};
 
 impl Program {
     /// Leaves out operations and inputs whose values the output does not depend on, with their buffers' memory and
@@ -41,7 +39,7 @@ impl Program {
         }
         for (values, used) in self.constants.iter_mut().zip(used) {
             if !used {
-                *values = Arc::default();
+                *values = Constant::default();
             }
         }
     }

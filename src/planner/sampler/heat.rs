@@ -1,12 +1,11 @@
 //! The heatmap as a sampler uses it: cells of any rectangle, in proportion to their weight.
 
-use nalgebra::Point2;
-use pulp::Arch;
-
 use super::choices::below;
 use crate::guidance::{Heatmap, are_finite, nearest, steps_of};
 use crate::random::Random;
+use crate::simd::vectorised;
 use crate::workspace::Bounds;
+use nalgebra::Point2;
 
 /// Why predictions cannot guide a search.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -102,7 +101,7 @@ impl HeatmapSums {
         let share = steps as f32 / f32::from(u16::MAX);
         let row = side + 1;
         let mut sums = vec![0; row * row];
-        Arch::new().dispatch(|| {
+        vectorised!({
             for (i, values) in heatmap.values.chunks_exact(side).enumerate() {
                 let (above, below) = sums[i * row..].split_at_mut(row);
                 let below = &mut below[1..row];

@@ -1,0 +1,44 @@
+//! Weights as operations read them.
+
+use std::ops::Deref;
+use std::sync::{Arc, OnceLock};
+
+/// Values of a constant, and what the CPU makes of them when it first runs an operation that
+/// reads them otherwise. Shared by clones.
+#[derive(Clone, Debug, Default)]
+pub struct Constant {
+    /// The values, in the layout that operations ask for. (Slices in `Arc` would be one more copy
+    /// of them all.)
+    values: Arc<Vec<f32>>,
+    transformed: Arc<OnceLock<Vec<f32>>>,
+}
+
+impl Constant {
+    /// The values in another layout, which `make` makes of them once.
+    pub(crate) fn transformed(&self, make: impl FnOnce(&[f32]) -> Vec<f32>) -> &[f32] {
+        self.transformed.get_or_init(|| make(&self.values))
+    }
+}
+
+impl From<Vec<f32>> for Constant {
+    fn from(values: Vec<f32>) -> Self {
+        Self {
+            values: Arc::new(values),
+            transformed: Arc::default(),
+        }
+    }
+}
+
+impl Deref for Constant {
+    type Target = [f32];
+
+    fn deref(&self) -> &[f32] {
+        &self.values
+    }
+}
+
+impl PartialEq for Constant {
+    fn eq(&self, other: &Self) -> bool {
+        self.values == other.values
+    }
+}

@@ -33,8 +33,6 @@ pub(crate) use vectorised;
 
 #[cfg(test)]
 mod tests {
-    use super::vectorised;
-
     /// Sixteen sums of sixteen products: what vectors are for.
     #[inline(always)]
     fn sums(values: &[f32; 256]) -> [f32; 16] {

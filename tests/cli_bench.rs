@@ -349,3 +349,45 @@ fn arguments_that_make_no_sense_are_refused() {
         assert!(run.err.contains(words), "{words}: {}", run.err);
     }
 }
+
+#[test]
+fn grids_are_searched_as_grids() {
+    let scenario = shipped("transfer-grid.toml");
+    let always = [
+        "bench",
+        &scenario,
+        "-q",
+        "--trials",
+        "1",
+        "--samplers",
+        "directed",
+    ];
+    let gaps = nngtl(
+        &[
+            &always[..],
+            &["--gaps", "--iterations", "500", "--bounds", "--json"],
+        ]
+        .concat(),
+    );
+    let reference = &gaps.json()["references"][0];
+    let best = nngtl(&["plan", &scenario, "--sampler", "exact", "--json", "-q"]).json();
+    let best = best["plan"]["cost"]["total"].as_f64().unwrap();
+    for bound in ["upper", "lower", "quick"] {
+        let told = reference[bound].as_f64().unwrap();
+        assert!((told - best).abs() < 1e-9, "{bound}: {told}, not {best}");
+    }
+    let folder = folder();
+    let file = folder.path().join("runs.csv");
+    let file = file.to_str().unwrap();
+    assert_eq!(nngtl(&[&always[..], &["--csv", file]].concat()).code, 0);
+    let text = std::fs::read_to_string(file).unwrap();
+    let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let (names, run) = (lines.next().unwrap(), lines.next().unwrap());
+    let column = names
+        .iter()
+        .position(|name| *name == "prefix_length")
+        .unwrap();
+    // Centres of cells are 0.05 apart, and moves run along rows and columns.
+    let cells = run[column].parse::<f64>().unwrap() / 0.05;
+    assert!((cells - cells.round()).abs() < 1e-6, "{text}");
+}

@@ -517,3 +517,62 @@ fn what_is_left_out_is_told() {
         "{run:?}"
     );
 }
+
+#[test]
+fn numbers_that_no_benchmark_can_use_are_refused() {
+    for (name, value) in [
+        ("--seconds", "nan"),
+        ("--seconds", "inf"),
+        ("--seconds=-1", ""),
+        ("--runs", "0"),
+        ("--threads", "0"),
+        ("--trials", "0"),
+    ] {
+        let given = [name, value];
+        let given = given.iter().filter(|part| !part.is_empty());
+        let arguments: Vec<&str> = ["bench", "inference"]
+            .iter()
+            .chain(given)
+            .copied()
+            .collect();
+        let run = nngtl(&arguments);
+        assert_eq!(run.code, 2, "{arguments:?}: {run:?}");
+        assert!(run.err.contains("invalid value"), "{arguments:?}: {run:?}");
+    }
+    let run = nngtl(&["bench", "transfer", "--anytime", "nan"]);
+    assert!(run.code == 2 && run.err.contains("--anytime"), "{run:?}");
+}
+
+#[test]
+fn files_for_folders_and_folders_for_data_sets_are_called_so() {
+    let folder = folder();
+    let file = folder.path().join("file");
+    std::fs::write(&file, "").unwrap();
+    let file = file.to_str().unwrap();
+    for command in [&["bench"][..], &["dataset", "generate"]] {
+        let run = nngtl(&[command, &["--missions", "1", "--out", file]].concat());
+        assert_eq!(run.code, 2, "{run:?}");
+        assert!(
+            run.err.contains("this is a file, expected a folder"),
+            "{run:?}"
+        );
+    }
+    let run = nngtl(&["bench", folder.path().to_str().unwrap()]);
+    assert_eq!(run.code, 2, "{run:?}");
+    assert!(run.err.contains("this is no data set"), "{run:?}");
+}
+
+#[test]
+fn regions_too_small_for_their_map_are_called_so() {
+    let folder = folder();
+    let path = folder.path().join("wide.toml");
+    let text = "start = [1, 1]\ntask = \"F a\"\n[workspace]\nbounds = [[0, 0], [1e7, 1e7]]\n\
+                [workspace.regions]\na = [[0.7, 0.7], [0.9, 0.7], [0.9, 0.9]]\n";
+    std::fs::write(&path, text).unwrap();
+    let run = nngtl(&["plan", path.to_str().unwrap()]);
+    assert_eq!(run.code, 1, "{run:?}");
+    assert!(
+        run.err.contains("`a` is too small for a map of this size"),
+        "{run:?}"
+    );
+}

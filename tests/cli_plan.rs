@@ -124,6 +124,18 @@ fn a_plan_that_was_tampered_with_is_refused_with_the_reason() {
     );
     // The same map, another mission.
     assert!(!run.err.contains("made for another"), "{run:?}");
+    assert!(run.err.contains("was made for the task"), "{run:?}");
+    let mut verify = command();
+    verify.args(["verify", "-", &path, "--task", "<> l1"]);
+    verify.current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios"));
+    let map = std::fs::File::open(shipped("case-study.toml")).unwrap();
+    let run = finish(verify.stdin(map));
+    assert_eq!((run.code, run.err.as_str()), (0, ""), "{run:?}");
+    let run = nngtl(&["verify", "-", "-"]);
+    assert!(
+        run.code == 2 && run.err.contains("cannot both be"),
+        "{run:?}"
+    );
     // The same mission, another start.
     let text = std::fs::read_to_string(shipped("case-study.toml")).unwrap();
     let moved = folder.path().join("moved.toml");

@@ -102,12 +102,12 @@ fn formula(random: &mut Random, depth: u32) -> Formula {
     }
 }
 
-fn problem(grid: Grid, task: Task) -> Problem {
+fn problem(grid: Grid, task: Task, weight: f64) -> Problem {
     Problem {
         start: grid.start(),
         system: Arc::new(grid),
         task: Arc::new(task),
-        weight: 0.5,
+        weight,
     }
 }
 
@@ -145,6 +145,7 @@ fn run(
     map: &Arc<Workspace>,
     formula: &Formula,
     library: &Library,
+    weight: f64,
     iterations: u64,
     case: &str,
 ) -> Outcome {
@@ -157,7 +158,7 @@ fn run(
     let Ok(task) = Task::from_formula(formula, letters, &limits) else {
         return Outcome::Skipped;
     };
-    let problem = problem(grid, task);
+    let problem = problem(grid, task, weight);
     let settings = Settings {
         iterations,
         ..Settings::default()
@@ -172,8 +173,16 @@ fn run(
     );
     let best = optimum(&problem);
     let check = |path: &Path, cost: &Cost| {
-        verify_on_grid(map, GRID, problem.start.at, formula, path, 0.5, Some(cost))
-            .unwrap_or_else(|e| panic!("{case}: {formula}: {e}"))
+        verify_on_grid(
+            map,
+            GRID,
+            problem.start.at,
+            formula,
+            path,
+            weight,
+            Some(cost),
+        )
+        .unwrap_or_else(|e| panic!("{case}: {formula}: {e}"))
     };
     if let Some((path, cost)) = &best {
         check(path, cost);
@@ -211,7 +220,14 @@ fn plans_verify_and_converge_to_the_optimum() {
         let map = workspace(&blocked, &regions);
         let library = library(&grid(&map));
         let formula = formula(&mut random, 3);
-        match run(&map, &formula, &library, 3_000, &format!("case {seed}")) {
+        match run(
+            &map,
+            &formula,
+            &library,
+            0.5,
+            3_000,
+            &format!("case {seed}"),
+        ) {
             Outcome::Plan(cost, best) => {
                 plans += 1;
                 if cost <= best * (1.0 + 1e-9) {
@@ -228,6 +244,24 @@ fn plans_verify_and_converge_to_the_optimum() {
     assert!(plans >= 60, "only {plans} plans");
     assert!(none >= 1, "no infeasible case was drawn");
     assert_eq!(optimal, plans, "not all costs converged");
+}
+
+/// Where a part of the plan weighs nothing, it must be there all the same, and end where it should.
+#[test]
+fn the_optimum_is_one_at_every_weight() {
+    let mut plans = 0;
+    for seed in 2_000..2_150 {
+        let mut random = generator(seed, 0);
+        let (blocked, regions) = map(&mut random, 0.15);
+        let map = workspace(&blocked, &regions);
+        let weight = [0.0, 0.1, 0.8, 1.0][seed as usize % 4];
+        let (library, formula) = (library(&grid(&map)), formula(&mut random, 3));
+        let case = format!("case {seed}, weight {weight}");
+        if let Outcome::Plan(..) = run(&map, &formula, &library, weight, 500, &case) {
+            plans += 1;
+        }
+    }
+    assert!(plans >= 60, "only {plans} plans");
 }
 
 #[test]
@@ -254,7 +288,7 @@ fn plans_with_the_library_of_a_map_that_changed_verify() {
         );
         let formula = formula(&mut random, 3);
         let case = format!("case {seed}");
-        if let Outcome::Plan(..) = run(&after, &formula, &loaded.library, 600, &case) {
+        if let Outcome::Plan(..) = run(&after, &formula, &loaded.library, 0.5, 600, &case) {
             plans += 1;
         }
     }

@@ -11,7 +11,7 @@ use crate::automaton::{Limits, Nba, read_hoa};
 use crate::guidance::Heatmap;
 use crate::plan::write_atomically;
 use crate::render::{heatmap_npy, heatmap_png};
-use crate::scenario::{Overrides, Scenario, snippet};
+use crate::scenario::{Overrides, Scenario, ScenarioText, snippet};
 
 /// How many pixels a heatmap's cell gets in a picture of its own.
 const HEATMAP_CELL: u32 = 4;
@@ -21,16 +21,42 @@ const MAX_HOA_BYTES: u64 = 16 << 20;
 
 /// Loads the scenario that the arguments name, and says what is odd about it.
 pub(super) fn scenario(args: &MissionArgs, console: &Console) -> Result<Scenario, Failure> {
-    let overrides = Overrides {
-        task: args.task.clone(),
-        task_of: args.task_of.clone(),
-        weight: args.weight,
-    };
-    let scenario = Scenario::load_with(&args.scenario, args.pick.as_deref(), &overrides)?;
+    scenario_of(&scenario_text(args)?, args, console)
+}
+
+/// The file that the arguments name.
+pub(super) fn scenario_text(args: &MissionArgs) -> Result<ScenarioText, Failure> {
+    Ok(ScenarioText::read(&args.scenario, args.pick.as_deref())?)
+}
+
+/// As [`scenario`], of a file that was read.
+pub(super) fn scenario_of(
+    text: &ScenarioText,
+    args: &MissionArgs,
+    console: &Console,
+) -> Result<Scenario, Failure> {
+    let scenario = text.scenario(&overrides(args))?;
     for warning in scenario.warnings() {
         console.warn(&format!("{}: {warning}", args.scenario.display()));
     }
     Ok(scenario)
+}
+
+fn overrides(args: &MissionArgs) -> Overrides {
+    Overrides {
+        task: args.task.clone(),
+        task_of: args.task_of.clone(),
+        weight: args.weight,
+    }
+}
+
+/// Refuses a result's folder that is a file.
+pub(super) fn check_result_folder(path: &Path) -> Result<(), Failure> {
+    if path.exists() && !path.is_dir() {
+        let message = format!("{}: this is a file, expected a folder", path.display());
+        return Err(Failure::input(message));
+    }
+    Ok(())
 }
 
 /// Writes a file, whole or not at all, and says so.

@@ -7,11 +7,13 @@ use serde_json::json;
 use super::args::{ExpertName, GenerateArgs, MergeArgs};
 use super::console::Console;
 use super::failure::{Failure, JSON_VERSION};
+use super::files;
 use crate::dataset::{
     Expert, GenerateConfig, GenerateError, MANIFEST, Manifest, Outcome, generate, merge,
 };
 
 pub(super) fn run(args: &GenerateArgs, console: &Console) -> Result<(), Failure> {
+    files::check_result_folder(&args.out)?;
     let usual = GenerateConfig::new(&args.out, args.seed, args.missions);
     let config = GenerateConfig {
         threads: args.threads,
@@ -61,6 +63,7 @@ pub(super) fn run(args: &GenerateArgs, console: &Console) -> Result<(), Failure>
 }
 
 pub(super) fn merge_parts(args: &MergeArgs, console: &Console) -> Result<(), Failure> {
+    files::check_result_folder(&args.out)?;
     let manifest = merge(&args.parts, &args.out).map_err(|e| Failure::input(e.to_string()))?;
     tell(console, "merged", &manifest, &args.out)
 }

@@ -1,5 +1,7 @@
 //! `nngtl verify`.
 
+use std::path::Path;
+
 use serde_json::json;
 
 use super::args::VerifyArgs;
@@ -9,32 +11,38 @@ use super::files;
 use crate::automaton::Limits;
 use crate::mission;
 use crate::plan::{Cost, PlanFile};
-use crate::scenario::{Overrides, Scenario};
+use crate::scenario::{Overrides, ScenarioText};
+use crate::verify::Refusal;
 
 /// Whether a plan was made on this map and from this start, for whatever mission.
-fn made_here(args: &VerifyArgs, plan: &PlanFile, hash: &str) -> bool {
+fn made_here(text: &ScenarioText, plan: &PlanFile, hash: &str) -> bool {
     let overrides = Overrides {
         // What stands for the formula where an automaton took its place.
         task: Some(plan.task.clone().unwrap_or_else(|| "true".to_owned())),
         weight: plan.weight,
         ..Overrides::default()
     };
-    let mission = &args.mission;
-    let same = Scenario::load_with(&mission.scenario, mission.pick.as_deref(), &overrides);
+    let same = text.scenario(&overrides);
     same.is_ok_and(|scenario| scenario.hash == hash)
 }
 
 pub(super) fn run(args: &VerifyArgs, console: &Console) -> Result<(), Failure> {
+    let stdin = Path::new("-");
+    if args.plan == stdin && args.mission.scenario == stdin {
+        let message = "the scenario and the plan cannot both be standard input: name a file";
+        return Err(Failure::input(message));
+    }
+    let plan = PlanFile::read(&args.plan)?;
     let mut wanted = args.mission.clone();
     if args.automaton.is_some() && wanted.task.is_none() {
         // The automaton takes the formula's place; the scenario need not have one.
         wanted.task = Some("true".to_owned());
     }
-    let scenario = files::scenario(&wanted, console)?;
-    let plan = PlanFile::read(&args.plan)?;
+    let text = files::scenario_text(&wanted)?;
+    let scenario = files::scenario_of(&text, &wanted, console)?;
     if let Some(hash) = &plan.scenario_hash
         && *hash != scenario.hash
-        && !made_here(args, &plan, hash)
+        && !made_here(&text, &plan, hash)
     {
         console.warn(&format!(
             "{} was made for another scenario, or for another state of this one",
@@ -53,7 +61,11 @@ pub(super) fn run(args: &VerifyArgs, console: &Console) -> Result<(), Failure> {
     let stated = plan.cost.as_ref();
     let verdict = mission::verify(&scenario, automaton.as_ref(), &path, stated_weight, stated);
     let verified = verdict.map_err(|refusal| {
-        let message = format!("{}: refused: {refusal}", args.plan.display());
+        let mut message = format!("{}: refused: {refusal}", args.plan.display());
+        let other = plan.task.as_ref().filter(|task| **task != scenario.task);
+        if let (Refusal::Formula { .. }, Some(task)) = (&refusal, other) {
+            message += &format!(" (the plan was made for the task {task})");
+        }
         Failure::negative("refused", message).with_details(json!({
             "scenario": scenario.name,
             "reason": refusal.to_string(),

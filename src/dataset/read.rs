@@ -39,6 +39,14 @@ pub enum ReadError {
         /// What the system said.
         source: io::Error,
     },
+    /// The folder holds no data set.
+    #[error(
+        "{path}: there is no {MANIFEST} here, so this is no data set; scenario files are named one by one, as in {path}/*.toml"
+    )]
+    NoSet {
+        /// The folder.
+        path: PathBuf,
+    },
     /// A file does not say what the format asks for.
     #[error("{path}, line {line}: {source}")]
     Json {
@@ -107,9 +115,14 @@ pub enum ReadError {
 /// A missing file, another format, or text that is no manifest.
 pub fn read_manifest(folder: &Path) -> Result<Manifest, ReadError> {
     let path = folder.join(MANIFEST);
-    let text = fs::read(&path).map_err(|source| ReadError::Io {
-        path: path.clone(),
-        source,
+    let text = fs::read(&path).map_err(|source| match source.kind() {
+        io::ErrorKind::NotFound if folder.is_dir() => ReadError::NoSet {
+            path: folder.to_owned(),
+        },
+        _ => ReadError::Io {
+            path: path.clone(),
+            source,
+        },
     })?;
     let fault = |source: serde_json::Error| ReadError::Json {
         path: path.clone(),

@@ -69,7 +69,7 @@ impl fmt::Display for LetterFact {
         match self {
             Self::Hidden { region } => write!(
                 f,
-                "no point of `{region}` is free (obstacles cover it, or it lies outside the bounds)"
+                "no point of `{region}` is free (obstacles cover it, it lies outside the bounds, or is too small for the map)"
             ),
             Self::Disjoint { region, other } => {
                 write!(f, "`{region}` and `{other}` have no free point in common")
@@ -322,12 +322,14 @@ pub struct Unreachable {
     pub places: Vec<OutOfReach>,
     /// Regions that would have to be crossed where the task does not allow it.
     pub through: Vec<String>,
-    /// Regions that the task names and that can be reached only like that.
+    /// Regions that the task names and that can be reached only like that; none if nothing has to be crossed.
     pub beyond: Vec<String>,
     /// What the robot sees at its start, if the task allows no beginning there, and what it would have to see.
     pub at_start: Option<Box<AtStart>>,
     /// By how much obstacles were grown for the robot, which may be why.
     pub robot_radius: f64,
+    /// Whether the robot moves between the cells of a grid.
+    pub on_grid: bool,
 }
 
 /// A start at which the task is broken already.
@@ -404,6 +406,7 @@ impl Unreachable {
                 beyond: Vec::new(),
                 at_start,
                 robot_radius: 0.0,
+                on_grid: scenario.grid.is_some(),
             });
         }
         if accepts(task, reachable) {
@@ -440,6 +443,7 @@ impl Unreachable {
             beyond: Vec::new(),
             at_start: None,
             robot_radius: scenario.robot_radius,
+            on_grid: scenario.grid.is_some(),
         })
     }
 
@@ -453,6 +457,7 @@ impl Unreachable {
             beyond: found.beyond.iter().map(name).collect(),
             at_start: None,
             robot_radius: scenario.robot_radius,
+            on_grid: scenario.grid.is_some(),
         })
     }
 
@@ -467,6 +472,9 @@ impl Unreachable {
             beyond => format!("{} cannot be reached", quoted(beyond)),
         };
         match &self.through[..] {
+            [] if self.on_grid => format!(
+                "{what} on this grid: no sequence of waypoints that its moves allow is one that the task allows"
+            ),
             [] => format!(
                 "{what} on this map: where its regions lie, none of the orders of visits that the task allows can be followed"
             ),
@@ -486,6 +494,9 @@ impl Unreachable {
         }
         let place = |place: &OutOfReach| {
             let mut text = format!("{} cannot be reached from the start", place.letter);
+            if self.on_grid && place.walls.is_empty() {
+                text.push_str(": no cell whose centre lies there can be entered");
+            }
             if let Some(first) = place.walls.first() {
                 text.push_str(": ");
                 text.push_str(&first.sentence(&place.letter));

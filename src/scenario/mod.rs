@@ -98,6 +98,35 @@ pub struct Overrides {
     pub weight: Option<f64>,
 }
 
+/// What stands in a file, read once for several missions: standard input has no second time.
+#[derive(Debug)]
+pub struct ScenarioText {
+    path: PathBuf,
+    spec: ScenarioSpec,
+    source: Source,
+}
+
+impl ScenarioText {
+    /// Reads a file as [`Scenario::load_with`] does.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or is no scenario.
+    pub fn read(path: impl AsRef<Path>, pick: Option<&str>) -> Result<Self, ScenarioError> {
+        let path = path.as_ref().to_owned();
+        let (spec, source) = read::read_one(&path, pick)?;
+        Ok(Self { path, spec, source })
+    }
+
+    /// The scenario with parts replaced.
+    ///
+    /// # Errors
+    /// As [`Scenario::load`].
+    pub fn scenario(&self, overrides: &Overrides) -> Result<Scenario, ScenarioError> {
+        let checked = Scenario::check(&self.spec, Some(&self.source), overrides);
+        checked.map_err(|e| e.in_file(&self.path))
+    }
+}
+
 impl Scenario {
     /// Reads the scenario of a `.toml` or `.json` file, or of a `.jsonl` file that holds just one.
     ///
@@ -125,9 +154,7 @@ impl Scenario {
         pick: Option<&str>,
         overrides: &Overrides,
     ) -> Result<Self, ScenarioError> {
-        let path = path.as_ref();
-        let (spec, source) = read::read_one(path, pick)?;
-        Self::check(&spec, Some(&source), overrides).map_err(|e| e.in_file(path))
+        ScenarioText::read(path, pick)?.scenario(overrides)
     }
 
     /// Reads every scenario of a file, in order; each is fine or says what is wrong with it.
@@ -192,11 +219,18 @@ impl Scenario {
         let workspace = &self.workspace;
         let hidden = |name: &str| {
             let region = workspace.regions().iter().find(|r| r.name == name);
-            let bounds = workspace.bounds();
-            let inside = region.is_some_and(|r| bounds.meet(r.polygon.min(), r.polygon.max()));
-            let why = match inside {
-                true => "is covered by obstacles entirely",
-                false => "lies outside the bounds",
+            let meets = |bounds: Bounds| {
+                region.is_some_and(|r| bounds.meet(r.polygon.min(), r.polygon.max()))
+            };
+            let inside = meets(workspace.bounds());
+            let covered = workspace.obstacles().iter().any(|o| {
+                let (min, max) = (o.min(), o.max());
+                meets(Bounds { min, max })
+            });
+            let why = match (inside, covered) {
+                (true, true) => "is covered by obstacles entirely",
+                (true, false) => "is too small for a map of this size",
+                (false, _) => "lies outside the bounds",
             };
             format!("region `{name}` {why}: no point of it can be visited")
         };
@@ -216,10 +250,10 @@ impl Scenario {
         let workspace = build_workspace(&spec.workspace, &fail)?;
         let workspace = Arc::new(workspace.with_obstacle_names(names.unwrap_or_default()));
         let radius = source.map_or(0.0, |s| s.robot_radius);
-        let start = check_start(spec.start, &workspace)
+        let mut start = check_start(spec.start, &workspace)
             .map_err(|kind| fail(kind, &[Step::Key("start")]).on_map_for(radius))?;
         if let Some(grid) = spec.workspace.grid {
-            check_grid(grid, &workspace, start).map_err(|e| {
+            start = start_on_grid(grid, &workspace, start).map_err(|e| {
                 fail(ScenarioErrorKind::Grid(e), &[map, Step::Key("grid")]).on_map_for(radius)
             })?;
         }
@@ -333,13 +367,14 @@ fn check_start([x, y]: [f64; 2], workspace: &Workspace) -> Result<Point2<f64>, S
     }
 }
 
-/// Whether the grid fits the map, and the start the grid.
-fn check_grid(
+/// The centre of the start's cell, which no decimal fraction may be; the grid must fit the map.
+fn start_on_grid(
     grid: GridSpec,
     workspace: &Arc<Workspace>,
     start: Point2<f64>,
-) -> Result<(), GridError> {
-    Grid::new(Arc::clone(workspace), grid.cells, grid.cell, start).map(|_| ())
+) -> Result<Point2<f64>, GridError> {
+    let grid = Grid::new(Arc::clone(workspace), grid.cells, grid.cell, start)?;
+    Ok(grid.start().at)
 }
 
 /// Parses the task; `written` is the file it stands in, if it stands in one.

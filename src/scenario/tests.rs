@@ -295,3 +295,21 @@ fn a_file_without_name_is_called_like_the_file() {
     let s = load_as("toml", &BASE.replace("name = \"base\"\n", "")).unwrap();
     assert_eq!(s.name, "map");
 }
+
+#[test]
+fn a_start_on_a_grid_is_its_cells_centre() {
+    for (cells, cell) in [(10, 0.1), (20, 0.05), (5, 0.2), (25, 0.04)] {
+        for k in 0..cells {
+            // As people write it, and as it is computed here, which differ in the last place.
+            let start = format!("{:.3}", (f64::from(k) + 0.5) * cell);
+            let text = format!(
+                "start = [{start}, {start}]\ntask = \"true\"\n[workspace]\nbounds = [[0, 0], [1, 1]]\n\
+                 grid = {{ cells = [{cells}, {cells}], cell = {cell} }}\n"
+            );
+            let s = load_as("toml", &text).unwrap();
+            let grid = s.grid.unwrap();
+            let system = Grid::new(Arc::clone(&s.workspace), grid.cells, grid.cell, s.start);
+            assert_eq!(s.start, system.unwrap().start().at, "{text}");
+        }
+    }
+}

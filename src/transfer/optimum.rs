@@ -71,8 +71,17 @@ pub fn optimum(problem: &Problem) -> Option<(Path, Cost)> {
                 Some((length, _)) => length,
                 None => continue,
             };
+            let whole = prefixes.costs[i] + length;
+            // A part that weighs nothing must be there all the same, and 0 · ∞ is no cost.
+            if !whole.is_finite() {
+                continue;
+            }
             let total = before * prefixes.costs[i] + after * length;
-            if total >= best.as_ref().map_or(f64::INFINITY, |b| b.total) {
+            // Of equal plans the one that is shorter in the part that weighs nothing.
+            let better = best
+                .as_ref()
+                .is_none_or(|b| (total, whole) < (b.total, b.whole));
+            if !better {
                 continue;
             }
             let cycle = match closing {
@@ -91,6 +100,7 @@ pub fn optimum(problem: &Problem) -> Option<(Path, Cost)> {
             };
             best = Some(Lasso {
                 total,
+                whole,
                 entry,
                 length,
                 cycle,
@@ -118,6 +128,8 @@ pub fn optimum(problem: &Problem) -> Option<(Path, Cost)> {
 /// The best path so far: where its suffix begins, and the suffix.
 struct Lasso {
     total: f64,
+    /// Prefix and suffix, unweighted.
+    whole: f64,
     entry: u32,
     length: f64,
     cycle: Vec<u32>,

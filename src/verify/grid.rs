@@ -69,7 +69,7 @@ fn check_motion(
     weight: f64,
     stated: Option<&Cost>,
 ) -> Result<Verified, Refusal> {
-    check_structure(start, path)?;
+    check_structure(start, path, CENTRED * grid.cell)?;
     let (prefix, before) = follow(workspace, grid, &path.prefix, Part::Prefix)?;
     let (mut suffix, after) = follow(workspace, grid, &path.suffix, Part::Suffix)?;
     if suffix.is_empty() {

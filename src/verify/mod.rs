@@ -124,7 +124,7 @@ fn check_motion(
     weight: f64,
     stated: Option<&Cost>,
 ) -> Result<Verified, Refusal> {
-    check_structure(start, path)?;
+    check_structure(start, path, 0.0)?;
     let first = letter_at(workspace, path.prefix[0].at, Part::Prefix, 0)?;
     let mut prefix = vec![first];
     follow(workspace, &path.prefix, Part::Prefix, &mut prefix)?;
@@ -144,7 +144,8 @@ fn check_motion(
 }
 
 /// The shape of a prefix-suffix path: `plan.json`'s promises.
-fn check_structure(start: Point2<f64>, path: &Path) -> Result<(), Refusal> {
+/// Points that are at most `slack` apart along each axis count as the same.
+fn check_structure(start: Point2<f64>, path: &Path, slack: f64) -> Result<(), Refusal> {
     for (part, points) in [(Part::Prefix, &path.prefix), (Part::Suffix, &path.suffix)] {
         if points.is_empty() {
             return Err(Refusal::Empty { part });
@@ -156,16 +157,17 @@ fn check_structure(start: Point2<f64>, path: &Path) -> Result<(), Refusal> {
             }
         }
     }
+    let apart = |a: Point2<f64>, b: Point2<f64>| (a - b).amax() > slack;
     let at = path.prefix[0].at;
-    if at != start {
+    if apart(at, start) {
         return Err(Refusal::WrongStart { at, start });
     }
     let end = path.prefix[path.prefix.len() - 1].at;
     let (opens, closes) = (path.suffix[0].at, path.suffix[path.suffix.len() - 1].at);
-    if opens != end {
+    if apart(opens, end) {
         return Err(Refusal::Disconnected { at: opens, end });
     }
-    if closes != end {
+    if apart(closes, end) {
         return Err(Refusal::NotClosed { at: closes, end });
     }
     Ok(())

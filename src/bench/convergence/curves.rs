@@ -118,6 +118,7 @@ mod tests {
 
     fn reference(case: &str) -> Reference {
         Reference {
+            weight: 0.2,
             case: case.to_owned(),
             family: None,
             upper: 2.0,

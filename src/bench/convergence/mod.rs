@@ -14,6 +14,7 @@ use super::trials::stats;
 use super::{BenchError, Case, Contender};
 use crate::exact;
 use crate::planner::{Improvement, Problem, Settings, Solution, Stop};
+use crate::transfer;
 use crate::verify::verify;
 
 pub(super) use curves::{Along, curve};
@@ -71,6 +72,9 @@ pub struct Reference {
     /// The kind of its map, where that is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub family: Option<String>,
+    /// λ, the weight of the prefix.
+    #[serde(default)]
+    pub weight: f64,
     /// The cost of the exact planner's plan.
     pub upper: f64,
     /// What every plan costs at least, if that was asked for.
@@ -211,8 +215,22 @@ pub(super) fn of_case(
 
 fn reference(case: &Case, bounds: bool) -> Option<Reference> {
     let problem = &case.problem;
-    let map = problem.system.plane()?;
     let began = Instant::now();
+    let Some(map) = problem.system.plane() else {
+        // Where places are finitely many all of them are searched.
+        let (_, cost) = transfer::optimum(problem)?;
+        return Some(Reference {
+            case: case.name.clone(),
+            family: case.family.clone(),
+            weight: problem.weight,
+            upper: cost.total,
+            lower: bounds.then_some(cost.total),
+            seconds: began.elapsed().as_secs_f64(),
+            bound_seconds: 0.0,
+            quick: cost.total,
+            quick_seconds: 0.0,
+        });
+    };
     let plan = exact::plan(map, problem.start.at, &problem.task, problem.weight).ok()?;
     let seconds = began.elapsed().as_secs_f64();
     let began = Instant::now();
@@ -225,6 +243,7 @@ fn reference(case: &Case, bounds: bool) -> Option<Reference> {
     Some(Reference {
         case: case.name.clone(),
         family: case.family.clone(),
+        weight: problem.weight,
         upper,
         lower,
         seconds,

@@ -36,10 +36,10 @@ impl Report {
     /// What was run, how to read the cells, and how many missions each class has.
     pub(in crate::bench) fn introduction(&self) -> String {
         let mut text = format!(
-            "{} missions, {} trials each, cap {} iterations, seed {}. Cells: mean · median [quartiles]. Runs that end at the cap without \
+            "{}, {} each, cap {} iterations, seed {}. Cells: mean · median [quartiles]. Runs that end at the cap without \
              a result count with what they spent, and what they make a lower bound is marked ≥.\n\n",
-            self.missions,
-            self.comparison.trials,
+            counted(self.missions as u64, "mission", "missions"),
+            counted(self.comparison.trials, "trial", "trials"),
             self.comparison.settings.iterations,
             self.comparison.settings.seed,
         );
@@ -218,6 +218,14 @@ fn cell(s: &Summary, digits: usize) -> String {
 /// A value as a cell of a table.
 pub(in crate::bench) fn cell_or_dash<T: std::fmt::Display>(value: Option<T>) -> String {
     value.map_or("–".to_owned(), |v| v.to_string())
+}
+
+/// A number with what is counted.
+pub(in crate::bench) fn counted(number: u64, one: &str, more: &str) -> String {
+    match number {
+        1 => format!("one {one}"),
+        _ => format!("{number} {more}"),
+    }
 }
 
 /// A CSV field; quoted if it needs to be.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{ArgGroup, Args, Subcommand, ValueEnum};
 
 use super::dataset::{family_weight, share};
-use super::{DeviceName, GuidedArgs, NetworkArgs};
+use super::{DeviceName, GuidedArgs, NetworkArgs, count, seconds};
 use crate::bench::COMPLEX_FROM;
 use crate::dataset::RANDOM_SHARE;
 use crate::dataset::maps::Family;
@@ -157,7 +157,7 @@ pub(in crate::cli) struct BenchCostArgs {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..), requires = "out", conflicts_with = "gaps")]
     pub(in crate::cli) cost_trials: u64,
     /// With --gaps or --out: seconds of each search that goes on, at most
-    #[arg(long, value_name = "S", requires = "follows")]
+    #[arg(long, value_name = "S", value_parser = seconds, requires = "follows")]
     pub(in crate::cli) time_limit: Option<f64>,
     /// With --gaps or --out: certified lower bounds too, which take seconds a mission
     #[arg(long, requires = "follows")]
@@ -218,7 +218,7 @@ pub(in crate::cli) struct BenchTransferArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(in crate::cli) seed: u64,
     /// Seconds of each anytime phase, at most
-    #[arg(long, value_name = "S", default_value_t = 1.0)]
+    #[arg(long, value_name = "S", value_parser = seconds, default_value = "1")]
     pub(in crate::cli) anytime: f64,
     /// Count subtasks on these automata, too: a folder of phi1.hoa to phi6.hoa
     #[arg(long, value_name = "DIR")]
@@ -253,19 +253,19 @@ pub(in crate::cli) struct BenchInferenceArgs {
     #[arg(long, value_enum, value_name = "NAME")]
     pub(in crate::cli) device: Option<DeviceName>,
     /// Threads of the CPU path
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", value_parser = count, default_value = "1")]
     pub(in crate::cli) threads: usize,
     /// Runs of each network on each device, at least
-    #[arg(long, value_name = "N", default_value_t = 30)]
+    #[arg(long, value_name = "N", value_parser = count, default_value = "30")]
     pub(in crate::cli) runs: usize,
     /// Seconds for each network on each device, about
-    #[arg(long, value_name = "S", default_value_t = 2.0)]
+    #[arg(long, value_name = "S", value_parser = seconds, default_value = "2")]
     pub(in crate::cli) seconds: f64,
     /// Missions to compare samplers on, at most; 0 leaves the comparison out
     #[arg(long, value_name = "N", default_value_t = 60)]
     pub(in crate::cli) missions: usize,
     /// Runs of each sampler on each mission
-    #[arg(long, value_name = "N", default_value_t = 5)]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..))]
     pub(in crate::cli) trials: u64,
     /// Seed of the missions and of the first run
     #[arg(long, value_name = "N", default_value_t = 0)]

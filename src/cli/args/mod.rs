@@ -371,6 +371,17 @@ fn duration(text: &str) -> Result<Duration, String> {
     found.ok_or_else(|| "expected seconds from 0 up, as in 0.5".to_owned())
 }
 
+/// As [`duration`], as a number.
+fn seconds(text: &str) -> Result<f64, String> {
+    duration(text).map(|seconds| seconds.as_secs_f64())
+}
+
+/// A number of things, at least one.
+fn count(text: &str) -> Result<usize, String> {
+    let number = text.parse().ok().filter(|&n: &usize| n > 0);
+    number.ok_or_else(|| "expected a whole number from 1 up".to_owned())
+}
+
 /// How to print an automaton.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum AutomatonFormat {

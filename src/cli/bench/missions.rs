@@ -6,8 +6,6 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Instant;
 
-use nalgebra::Point2;
-
 use crate::automaton::Task;
 use crate::bench::{Asked, Case, Live, Prediction};
 use crate::cli::args::BenchMissionArgs;
@@ -31,26 +29,29 @@ pub(super) struct Mission {
     name: String,
     family: Option<Family>,
     map: Arc<Workspace>,
-    start: Point2<f64>,
-    task: Task,
+    problem: Problem,
     translate_seconds: f64,
-    weight: f64,
     /// The guidance that a data set's labels make.
     labels: Option<Guidance>,
 }
 
 impl Mission {
-    fn labelled(mission: LabelledMission, number: usize) -> Self {
-        Self {
+    fn labelled(mission: LabelledMission, number: usize) -> Result<Self, MissionError> {
+        let labels = Some(mission.guidance());
+        let system = Continuous::new(Arc::clone(&mission.workspace), mission.start)?;
+        Ok(Self {
             name: format!("{}-{number}", mission.map),
             family: Some(mission.family),
-            labels: Some(mission.guidance()),
+            labels,
             map: mission.workspace,
-            start: mission.start,
-            task: mission.task,
+            problem: Problem {
+                start: system.start(),
+                system: Arc::new(system),
+                task: Arc::new(mission.task),
+                weight: WEIGHT,
+            },
             translate_seconds: mission.translate_seconds,
-            weight: WEIGHT,
-        }
+        })
     }
 }
 
@@ -100,7 +101,7 @@ fn drawn(args: &BenchMissionArgs, stop: &Stop, console: &Console) -> Result<Vec<
     let mut found = Vec::new();
     for mission in dataset::drawn_missions(&config, stop.flag()) {
         let mission = mission.map_err(|e| Failure::input(e.to_string()))?;
-        found.push(Mission::labelled(mission, found.len()));
+        found.push(Mission::labelled(mission, found.len())?);
         bar.inc(1);
     }
     bar.finish_and_clear();
@@ -144,7 +145,7 @@ fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Fa
             dataset::labelled_missions(path).map_err(|e| Failure::input(e.to_string()))?;
         for mission in missions.take(limit) {
             match mission {
-                Ok(mission) => found.push(Mission::labelled(mission, found.len())),
+                Ok(mission) => found.push(Mission::labelled(mission, found.len())?),
                 Err(e) => skip(e.to_string()),
             }
         }
@@ -156,18 +157,16 @@ fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Fa
         let ready = scenario.map_err(|e| e.to_string()).and_then(|s| {
             let task = mission::task(&s).map_err(|e| e.to_string())?;
             let translated = begin.elapsed().as_secs_f64();
-            feasible(&s, &task).map_err(|e| e.to_string())?;
-            Ok((s, task, translated))
+            let problem = feasible(&s, task).map_err(|e| e.to_string())?;
+            Ok((s, problem, translated))
         });
         match ready {
-            Ok((s, task, translate_seconds)) => found.push(Mission {
+            Ok((s, problem, translate_seconds)) => found.push(Mission {
                 name: s.name,
                 family: None,
                 map: s.workspace,
-                start: s.start,
-                task,
+                problem,
                 translate_seconds,
-                weight: s.weight,
                 labels: None,
             }),
             Err(e) => skip(e),
@@ -176,10 +175,11 @@ fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Fa
     Ok(found)
 }
 
-/// Refuses a mission that no search can fulfil: its runs would say nothing about samplers.
-fn feasible(scenario: &Scenario, task: &Task) -> Result<(), MissionError> {
-    let (system, _) = mission::world(scenario)?;
-    mission::check_reachable(scenario, task, &*system)
+/// The mission in its own world. Refuses one that no search can fulfil: its runs would say nothing about samplers.
+fn feasible(scenario: &Scenario, task: Task) -> Result<Problem, MissionError> {
+    let problem = mission::problem(scenario, Arc::new(task))?;
+    mission::check_reachable(scenario, &problem.task, &*problem.system)?;
+    Ok(problem)
 }
 
 /// Missions with what the networks say about them on each device, all at once.
@@ -190,19 +190,13 @@ pub(super) fn cases(
 ) -> Result<Vec<Case>, Failure> {
     let mut networks = Vec::new();
     let mut predictions: Vec<Vec<Prediction>> = missions.iter().map(|_| Vec::new()).collect();
-    let worlds: Vec<Continuous> = missions
-        .iter()
-        .map(|m| Continuous::new(Arc::clone(&m.map), m.start))
-        .collect::<Result<_, _>>()
-        .map_err(MissionError::from)?;
     let asked: Vec<_> = missions
         .iter()
-        .zip(&worlds)
-        .map(|(m, world)| Question {
+        .map(|m| Question {
             map: &m.map,
-            system: world,
-            start: world.start(),
-            task: &m.task,
+            system: &*m.problem.system,
+            start: m.problem.start,
+            task: &m.problem.task,
         })
         .collect();
     for predictor in predictors {
@@ -229,15 +223,9 @@ pub(super) fn cases(
     }
     missions
         .into_iter()
-        .zip(worlds)
         .zip(predictions)
-        .map(|((mission, system), mut predictions)| {
-            let problem = Problem {
-                start: system.start(),
-                system: Arc::new(system),
-                task: Arc::new(mission.task),
-                weight: mission.weight,
-            };
+        .map(|(mission, mut predictions)| {
+            let problem = mission.problem;
             for (device, networks) in &networks {
                 let prediction = predictions.iter_mut().find(|p| p.device == *device);
                 if let Some(prediction) = prediction {

@@ -27,6 +27,9 @@ pub(super) fn run(args: &BenchArgs, console: &Console) -> Result<(), Failure> {
             .flatten()
             .map(|p| p.as_path()),
     )?;
+    args.out
+        .as_deref()
+        .map_or(Ok(()), files::check_result_folder)?;
     let mut predictors = predictors(args, console)?;
     let study = study(args, &predictors);
     // Before any work: the folder may hold something else.

@@ -30,7 +30,7 @@ struct Places {
 pub(super) struct Crossing {
     /// Regions that every way leads through, by number; none if that is not why.
     pub(super) through: Vec<usize>,
-    /// Regions that the automaton never gets to.
+    /// Regions that the automaton never gets to because of them.
     pub(super) beyond: Vec<usize>,
 }
 
@@ -70,7 +70,8 @@ impl Crossing {
         let named = task.formula.as_ref().map(|f| f.propositions());
         let named = named.unwrap_or_default();
         let is_named = |&i: &usize| named.iter().any(|n| *n == alphabet.propositions()[i]);
-        let unseen = |&i: &usize| !seen.contains(i) && !through.contains(i);
+        // Where nothing is in the way each can be reached, if not as the task wants.
+        let unseen = |&i: &usize| !through.is_empty() && !seen.contains(i) && !through.contains(i);
         Some(Self {
             through: through.iter().collect(),
             beyond: all.iter().filter(is_named).filter(unseen).collect(),

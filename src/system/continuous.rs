@@ -237,6 +237,15 @@ impl Ways {
         }
         // What is forgotten is found again when it is needed, with the same answers.
         let mut size: usize = known.paths.values().map(|p| p.size()).sum();
+        for paths in known.order.iter().filter_map(|key| known.paths.get(key)) {
+            if size <= MAX_KEPT {
+                break;
+            }
+            let before = paths.size();
+            if paths.condense(&self.graph) {
+                size = size - before + paths.size();
+            }
+        }
         while size > MAX_KEPT
             && let Some(oldest) = known.order.pop_front()
         {

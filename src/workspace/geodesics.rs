@@ -169,9 +169,22 @@ impl Wavefront {
         }
     }
 
+    /// Whether so many windows are kept at least.
+    pub(super) fn has_windows(&self, least: usize) -> bool {
+        self.windows.len() >= least
+    }
+
+    /// Goes on to the end and keeps only what is known of corners; nothing is asked of windows any more.
+    pub(super) fn condense(&mut self, ground: Ground<'_>) {
+        while !self.queue.is_empty() {
+            self.advance(ground);
+        }
+        (self.windows, self.first) = (Vec::new(), Vec::new());
+    }
+
     /// How much is kept, in windows.
     pub(super) fn size(&self) -> usize {
-        self.windows.len() + self.lengths.len() / 4
+        self.windows.len() + self.lengths.len() / 4 + self.first.len() / 16
     }
 
     /// The place of a root.
@@ -224,6 +237,25 @@ impl Wavefront {
         best.map(|(length, root)| Leg {
             length,
             corner: (root != NONE).then_some(root),
+        })
+    }
+
+    /// As [`Self::best`], by the corners that are seen from `p`.
+    pub(super) fn best_by(
+        &self,
+        mesh: &Mesh,
+        p: Point2<f64>,
+        seen: &[u32],
+        after: Option<Leg>,
+    ) -> Option<Leg> {
+        let leg = |&c: &u32| (self.lengths[c as usize] + (p - mesh.point(c)).norm(), c);
+        let after = after.map(|leg| (leg.length, leg.corner.unwrap_or(NONE)));
+        let known = |leg: &(f64, u32)| leg.0.is_finite() && after.is_none_or(|a| *leg > a);
+        let least = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        let best = seen.iter().map(leg).filter(known).min_by(least);
+        best.map(|(length, corner)| Leg {
+            length,
+            corner: Some(corner),
         })
     }
 
@@ -281,11 +313,6 @@ impl Wavefront {
             p = self.next[p as usize];
         }
         self.target
-    }
-
-    /// The length of the path from a corner; infinite if none is known.
-    pub(super) fn length_at(&self, corner: u32) -> f64 {
-        self.lengths[corner as usize]
     }
 
     /// Whether a shorter way to the window's root was found since.

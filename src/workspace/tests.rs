@@ -604,3 +604,45 @@ fn cells_of_many_holes_are_covered_by_their_triangles() {
         "{low}, {expected}"
     );
 }
+
+/// Ways of equal length abound in a lattice, and corners lie on one line.
+#[test]
+fn ways_among_very_many_corners_are_those_of_the_windows() {
+    let side = 46;
+    let step = 1.0 / f64::from(side);
+    let square = |k: u32| {
+        let [x, y] = [k / side, k % side].map(|i| (f64::from(i) + 0.25) * step);
+        rectangle(x, y, x + 0.5 * step, y + 0.5 * step)
+    };
+    let map = Arc::new(map((0..side * side).map(square).collect(), vec![]));
+    let graph = VisibilityGraph::new(Arc::clone(&map));
+    assert!(graph.looks_around(), "{}", graph.corners().count());
+    let mut random = generator(5, 0);
+    for _ in 0..2 {
+        let target = map.sample_free(&mut random);
+        let paths = graph.paths_to(target);
+        let size = paths.size();
+        let mut asked = Vec::new();
+        for _ in 0..60 {
+            let from = map.sample_free(&mut random);
+            let found = paths.first_leg(&graph, from).unwrap();
+            let (length, _) = graph.first_leg(from, target).unwrap();
+            assert!(
+                (found.0 - length).abs() < 1e-9,
+                "{from} {target}: {found:?}"
+            );
+            assert!(map.is_free_between(from, found.1), "{from} {target}");
+            asked.push((from, found));
+        }
+        let grown = paths.size();
+        assert!(grown > 2 * size);
+        assert!(paths.condense(&graph) && paths.size() <= size);
+        assert!(
+            !paths.condense(&graph),
+            "there is nothing more to leave out"
+        );
+        for (from, found) in asked {
+            assert_eq!(paths.first_leg(&graph, from).unwrap(), found, "{from}");
+        }
+    }
+}

@@ -3,7 +3,7 @@
 //! A shortest path bends only at convex corners of obstacles, and only tangentially. Paths to one target
 //! ([`VisibilityGraph::paths_to`]) are found by a wavefront over the triangulated free space, which
 //! goes as far as what was asked for needs; a query from a place that it has passed
-//! looks at the windows of one triangle. For a target that is asked for once,
+//! looks at the windows of one triangle, or on maps of very many corners at those that are in sight. For a target that is asked for once,
 //! [`VisibilityGraph::first_leg`] sends the wavefront straight to where the question comes from.
 
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
@@ -15,6 +15,11 @@ use super::geodesics::{Bend, Ground, Leg, Wavefront};
 use super::mesh::Mesh;
 use super::walls::Enclosure;
 use super::{Polygon, Workspace};
+
+/// On maps of more corners than this, ways begin by looking which corners are in sight. That takes longer than to look at the
+/// windows of a triangle, but needs no windows once a wavefront is through: those of one target can take 64 MiB where ways of
+/// equal length are many (a lattice of 10⁴ squares), those of all targets of a search more than is kept.
+const MANY_CORNERS: usize = 8_000;
 
 /// A convex corner of an obstacle, with its neighbours along the border.
 #[derive(Clone, Copy, Debug)]
@@ -142,6 +147,28 @@ impl VisibilityGraph {
         found
     }
 
+    /// Whether ways begin by looking which corners are in sight.
+    pub(crate) fn looks_around(&self) -> bool {
+        self.corners.len() > MANY_CORNERS
+    }
+
+    /// The corners that paths from `p` may bend at first, each once.
+    fn corners_in_sight(&self, p: Point2<f64>) -> Vec<u32> {
+        let mut seen: Vec<u32> = Vec::new();
+        let mut note = |corner: u32| {
+            if self.bends[corner as usize] != Bend::Never {
+                seen.push(corner);
+            }
+        };
+        // By a rounding error it may lie in no triangle.
+        if !self.mesh.visible(p, &mut note) {
+            (0..self.mesh.len() as u32).for_each(note);
+        }
+        seen.sort_unstable();
+        seen.dedup();
+        seen
+    }
+
     fn ground(&self) -> Ground<'_> {
         let (mesh, bends) = (&self.mesh, self.bends.as_slice());
         Ground { mesh, bends }
@@ -176,21 +203,10 @@ impl VisibilityGraph {
     /// The best leg to a corner that is seen from `p`, where no window reaches it: it lies in no
     /// triangle by a rounding error. The wavefront has come to its end.
     fn any_leg(&self, front: &Wavefront, p: Point2<f64>) -> Option<Leg> {
-        let mut seen: Vec<u32> = Vec::new();
-        if !self.mesh.visible(p, &mut |corner| seen.push(corner)) {
-            seen.extend(0..self.mesh.len() as u32);
-        }
-        seen.retain(|&corner| self.bends[corner as usize] != Bend::Never);
-        seen.sort_unstable();
-        seen.dedup();
-        let leg = |corner: u32| Leg {
-            length: front.length_at(corner) + (self.mesh.point(corner) - p).norm(),
-            corner: Some(corner),
-        };
-        let mut legs: Vec<Leg> = seen.into_iter().map(leg).collect();
-        legs.retain(|leg| leg.length.is_finite());
-        legs.sort_by(|a, b| a.length.total_cmp(&b.length).then(a.corner.cmp(&b.corner)));
-        legs.into_iter().find(|&leg| self.sees(leg, p, p))
+        let seen = self.corners_in_sight(p);
+        let next = |leg: Option<Leg>| front.best_by(&self.mesh, p, &seen, leg);
+        let mut legs = std::iter::successors(next(None), |&leg| next(Some(leg)));
+        legs.find(|&leg| self.sees(leg, p, p))
     }
 }
 
@@ -205,6 +221,17 @@ impl PathsTo {
     pub(crate) fn size(&self) -> usize {
         let front = self.front.read().unwrap_or_else(PoisonError::into_inner);
         front.size()
+    }
+
+    /// Keeps the lengths of paths from corners alone, if paths are found by those ([`VisibilityGraph::looks_around`]) and the
+    /// wavefront has passed most of the map; returns whether it did.
+    pub(crate) fn condense(&self, graph: &VisibilityGraph) -> bool {
+        let mut front = self.front.write().unwrap_or_else(PoisonError::into_inner);
+        let pays = graph.looks_around() && front.has_windows(graph.mesh.triangle_count());
+        if pays {
+            front.condense(graph.ground());
+        }
+        pays
     }
 
     /// The length of the shortest path from `from` and the first point at which it bends (the
@@ -259,15 +286,25 @@ impl PathsTo {
 
     /// The first leg of the shortest path from a point that does not see the target.
     fn leg_around(&self, graph: &VisibilityGraph, from: Point2<f64>) -> Option<Leg> {
-        let triangles: SmallVec<[u32; 16]> = graph.mesh.triangles_at(from);
+        let looks_around = graph.looks_around();
+        let (mut seen, mut triangles): (Vec<u32>, SmallVec<[u32; 16]>) = Default::default();
+        if looks_around {
+            seen = graph.corners_in_sight(from);
+        } else {
+            triangles = graph.mesh.triangles_at(from);
+        }
         let mut failed = None;
         loop {
             let front = self.front.read().unwrap_or_else(PoisonError::into_inner);
-            let best = front.best(graph.ground(), from, &triangles, failed);
+            let best = match looks_around {
+                true => front.best_by(&graph.mesh, from, &seen, failed),
+                false => front.best(graph.ground(), from, &triangles, failed),
+            };
             if front.is_settled(best) {
                 match best {
                     Some(leg) if graph.sees(leg, self.target, from) => return Some(leg),
                     Some(leg) => failed = Some(leg),
+                    None if looks_around => return None,
                     None => return graph.any_leg(&front, from),
                 }
                 continue;

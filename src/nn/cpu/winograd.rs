@@ -13,7 +13,7 @@
 //! With stride 2 the kernel of four taps is one of two for each residue of the input's cells, and
 //! a transposed one is one of two for each residue of the output's: these are what PathNet is made of.
 //!
-//! The differences are taken of the whole input at once ([`planes`]), each tile of two cells in
+//! The differences are taken of a strip of rows at a time ([`planes`]), each tile of two cells in
 //! one place of a run, so that products meet them where they stand, as they do those of a plain convolution.
 //! Kernels are added up when a layer first runs ([`weights`]).
 
@@ -47,8 +47,7 @@ pub(super) struct Winograd {
     padding: usize,
     /// Residues of the output's cells along an axis; each has kernels of its own.
     residues: usize,
-    /// For each residue by how many cells its first input is from the first of all; as
-    /// `(residue + ahead) / residues`.
+    /// A residue's first input is `(residue + ahead) / residues` cells from the first of all.
     ahead: usize,
     /// Whether taps meet cells in the opposite order.
     transposed: bool,
@@ -121,24 +120,17 @@ impl Winograd {
         let weights = k
             .weight
             .transformed(|weight| self.weights(weight, x.channels, y.channels));
-        let (height, width) = (y.height, y.width);
-        let points = self.form.points();
-        let squared = points * points;
-        let tiles = [height, width].map(|size| self.tiles(size));
+        let tiles = [y.height, y.width].map(|size| self.tiles(size));
         let shift = self.form.shift(self.begin(self.residues - 1));
-        let wide = tiles[1] + shift;
-        let rows_at_once = strip(
-            y.channels + self.stride * self.stride * x.channels,
-            wide,
-            tiles[0],
-        );
+        let (inputs, width) = (self.stride * self.stride * x.channels, tiles[1] + shift);
+        let at_once = strip(y.channels + inputs, width, tiles[0]);
         let tiled = Tiled {
             form: self.form,
             stride: self.stride,
             padding: self.padding,
             channels: x.channels,
-            height: rows_at_once + shift,
-            width: wide,
+            height: at_once + shift,
+            width,
         };
         let Scratch {
             panel,
@@ -147,79 +139,132 @@ impl Winograd {
             threads,
         } = scratch;
         tiled.offsets(offsets);
-        let depth = offsets.len();
-        let of_matrix = y.channels.next_multiple_of(PANEL) * depth;
-        for first in (0..tiles[0]).step_by(rows_at_once) {
-            let rows = rows_at_once.min(tiles[0] - first);
+        for first in (0..tiles[0]).step_by(at_once) {
             let planes = at_least(panel, tiled.len());
             tiled.fill(x, first, tile, planes);
-            let planes = &*planes;
-            let columns = rows * tiled.width - (tiled.width - tiles[1]);
-            let length = columns.next_multiple_of(LANES);
-            let multiply_adds = squared * depth * columns * self.residues.pow(2);
-            super::share(
-                *threads,
-                y.reborrow(),
-                multiply_adds,
-                tile,
-                |first_channel, y, tile| {
-                    let part = y.channels.next_multiple_of(PANEL) * length;
-                    // Products, then for each residue of a column the two rows' two cells.
-                    let (products, results) = at_least(tile, (squared + 4 * self.residues) * part)
-                        .split_at_mut(squared * part);
-                    for residue in 0..self.residues {
-                        for column in 0..self.residues {
-                            for point in 0..squared {
-                                let at = [(residue, point / points), (column, point % points)];
-                                let [down, right] =
-                                    at.map(|(r, point)| self.form.point(point, self.begin(r)));
-                                let matrix = (residue * self.residues + column) * squared + point;
-                                let product = Product {
-                                    left: &weights[matrix * of_matrix + first_channel * depth..],
-                                    offsets,
-                                    right: &planes[tiled.place(down, right)..],
-                                    rows: y.channels,
-                                    columns,
-                                };
-                                product.run(&mut products[point * part..], length);
-                            }
-                            let cells = &mut results[4 * column * part..][..4 * part];
-                            self.form
-                                .outputs(products, y.channels * length, part, cells);
-                        }
-                        vectorised!({
-                            for c in 0..y.channels {
-                                let channel = first_channel + c;
-                                for r in 0..2 * rows {
-                                    let row = self.residues * (2 * first + r) + residue;
-                                    if row >= height {
-                                        break;
-                                    }
-                                    let at = c * length + r / 2 * tiled.width;
-                                    // Cell k of a tile: its residue is k modulo their number.
-                                    let source = |k: usize| {
-                                        let (column, second) =
-                                            (k % self.residues, k / self.residues);
-                                        let cells = 4 * column + 2 * (r % 2) + second;
-                                        &results[cells * part + at..][..tiles[1]]
-                                    };
-                                    let to = &mut y.data[(c * height + row) * width..][..width];
-                                    interleave(to, 2 * self.residues, source);
-                                    if let Some(residual) = residual {
-                                        let line = (channel * height + row) * width;
-                                        add(to, &residual.data[line..][..width]);
-                                    }
-                                    finish(to, k.bias[channel], k.activation);
-                                }
-                            }
-                        });
-                    }
-                },
-            );
+            let rows = at_once.min(tiles[0] - first);
+            let columns = rows * width - shift;
+            let strip = Strip {
+                method: self,
+                kernel: k,
+                residual,
+                weights,
+                of_matrix: y.channels.next_multiple_of(PANEL) * offsets.len(),
+                tiled,
+                planes,
+                offsets,
+                first,
+                rows,
+                tiles: tiles[1],
+                columns,
+                length: columns.next_multiple_of(LANES),
+            };
+            let squared = self.form.points().pow(2) * self.residues.pow(2);
+            let multiply_adds = squared * offsets.len() * columns;
+            let work = |first_channel, y: PlanesMut<'_>, tile: &mut Vec<f32>| {
+                strip.work(first_channel, y, tile);
+            };
+            super::share(*threads, y.reborrow(), multiply_adds, tile, work);
         }
     }
 }
 
-fn add(to: &mut [f32], values: &[f32]) {
-    to.iter_mut().zip(values).for_each(|(to, v)| *to += v);
+/// Some rows of tiles of an output.
+struct Strip<'a> {
+    method: &'a Winograd,
+    kernel: &'a Kernel<'a>,
+    residual: Option<Planes<'a>>,
+    weights: &'a [f32],
+    /// Values of the matrix of one pair of points.
+    of_matrix: usize,
+    tiled: Tiled,
+    planes: &'a [f32],
+    offsets: &'a [u32],
+    /// The first row of tiles, and how many there are.
+    first: usize,
+    rows: usize,
+    /// Tiles of a row.
+    tiles: usize,
+    /// Columns of products, of which some are dropped behind each row, and with what makes them whole vectors.
+    columns: usize,
+    length: usize,
+}
+
+impl Strip<'_> {
+    /// Computes the rows of the channels of `y`, of which the first is `first_channel` of all.
+    fn work(&self, first_channel: usize, mut y: PlanesMut<'_>, tile: &mut Vec<f32>) {
+        let residues = self.method.residues;
+        let products = self.method.form.points().pow(2);
+        let part = y.channels.next_multiple_of(PANEL) * self.length;
+        // Products, then for each residue of a column the four cells of tiles.
+        let (products, cells) =
+            at_least(tile, (products + 4 * residues) * part).split_at_mut(products * part);
+        for row in 0..residues {
+            for (column, cells) in cells.chunks_exact_mut(4 * part).enumerate() {
+                self.multiply([row, column], first_channel, y.channels, products);
+                let used = y.channels * self.length;
+                self.method.form.outputs(products, used, part, cells);
+            }
+            vectorised!(self.finish(row, first_channel, cells, &mut y));
+        }
+    }
+
+    /// The products of all pairs of points, for output cells of these residues.
+    fn multiply(
+        &self,
+        residues: [usize; 2],
+        first_channel: usize,
+        channels: usize,
+        products: &mut [f32],
+    ) {
+        let (method, depth) = (self.method, self.offsets.len());
+        let points = method.form.points();
+        let part = channels.next_multiple_of(PANEL) * self.length;
+        let begin = residues.map(|residue| method.begin(residue));
+        let of_residues = (residues[0] * method.residues + residues[1]) * points * points;
+        for (pair, to) in products.chunks_exact_mut(part).enumerate() {
+            let down = method.form.point(pair / points, begin[0]);
+            let right = method.form.point(pair % points, begin[1]);
+            let matrix = &self.weights[(of_residues + pair) * self.of_matrix..];
+            let product = Product {
+                left: &matrix[first_channel * depth..],
+                offsets: self.offsets,
+                right: &self.planes[self.tiled.place(down, right)..],
+                rows: channels,
+                columns: self.columns,
+            };
+            product.run(to, self.length);
+        }
+    }
+
+    /// Puts the rows of a residue together and applies what follows.
+    #[inline(always)]
+    fn finish(&self, residue: usize, first_channel: usize, cells: &[f32], y: &mut PlanesMut<'_>) {
+        let (residues, kernel) = (self.method.residues, self.kernel);
+        let part = cells.len() / (4 * residues);
+        let (height, width) = (y.height, y.width);
+        for (c, plane) in y.data.chunks_exact_mut(height * width).enumerate() {
+            let channel = first_channel + c;
+            for r in 0..2 * self.rows {
+                let row = residues * (2 * self.first + r) + residue;
+                if row >= height {
+                    break;
+                }
+                let begin = c * self.length + r / 2 * self.tiled.width;
+                // Cell k of a tile: its residue is k modulo their number.
+                let source = |k: usize| {
+                    let (column, second) = (k % residues, k / residues);
+                    let cell = 4 * column + 2 * (r % 2) + second;
+                    &cells[cell * part + begin..][..self.tiles]
+                };
+                let line = &mut plane[row * width..][..width];
+                interleave(line, 2 * residues, source);
+                if let Some(residual) = self.residual {
+                    let values = &residual.channel(channel)[row * width..];
+                    line.iter_mut().zip(values).for_each(|(to, v)| *to += v);
+                }
+                finish(line, kernel.bias[channel], kernel.activation);
+            }
+        }
+    }
 }

@@ -59,13 +59,12 @@ fn weighted<'a>(
     tap: impl Fn(usize, usize) -> &'a Lane,
 ) -> Lane {
     let mut sum = [0.0; PANEL];
-    for i in 0..taps {
-        for j in 0..taps {
-            let factor = a[i] * b[j];
+    for (i, a) in a.iter().enumerate().take(taps) {
+        for (j, b) in b.iter().enumerate().take(taps) {
+            let factor = a * b;
             if factor != 0.0 {
-                sum.iter_mut()
-                    .zip(tap(i, j))
-                    .for_each(|(sum, w)| *sum += factor * w);
+                let pairs = sum.iter_mut().zip(tap(i, j));
+                pairs.for_each(|(sum, w)| *sum += factor * w);
             }
         }
     }

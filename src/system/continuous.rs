@@ -3,7 +3,7 @@
 mod allowed;
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use nalgebra::Point2;
 use rustc_hash::FxHashMap;
@@ -20,6 +20,12 @@ use allowed::Allowed;
 /// Shortest paths are kept up to so many units of 64 bytes (256 MiB), and those to the newest target
 /// however many they are.
 const MAX_KEPT: usize = 4 << 20;
+
+/// On maps of fewer corners the paths to all targets of a search fit.
+const MANY_CORNERS: usize = 5_000;
+
+/// A search asks for ways to about so many places of each region: the middles of its parts and its corners.
+const TARGETS_OF_REGION: usize = 8;
 
 /// Why a robot cannot start where it should.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -73,6 +79,11 @@ pub struct Continuous {
 struct Ways {
     graph: VisibilityGraph,
     known: Mutex<Known>,
+    /// How many targets a search will ask for, about.
+    targets: usize,
+    /// Whether the paths to all targets would not fit, so that those that are through are to be condensed. Found when it is first
+    /// asked for.
+    is_tight: OnceLock<bool>,
 }
 
 /// Paths to targets that are asked for more than once.
@@ -96,6 +107,7 @@ impl Continuous {
             Place::Outside => return Err(StartError::Outside { x, y }),
             Place::Obstacle(obstacle) => return Err(StartError::InObstacle { x, y, obstacle }),
         };
+        let regions = map.regions().len();
         let graph = VisibilityGraph::new(map);
         let here = graph.component_at(start);
         let alphabet = graph.map().alphabet();
@@ -130,7 +142,7 @@ impl Continuous {
             landmarks,
             parts,
             reachable,
-            ways: Ways::new(graph),
+            ways: Ways::new(graph, regions),
             around: Mutex::default(),
             allowed: Mutex::default(),
         })
@@ -217,16 +229,26 @@ impl Continuous {
         if barred.is_empty() {
             return None;
         }
-        Some(Ways::new(VisibilityGraph::new(Arc::new(
-            map.barred(barred),
-        ))))
+        let graph = VisibilityGraph::new(Arc::new(map.barred(barred)));
+        Some(Ways::new(graph, map.regions().len()))
     }
 }
 
 impl Ways {
-    fn new(graph: VisibilityGraph) -> Self {
-        let known = Mutex::default();
-        Self { graph, known }
+    fn new(graph: VisibilityGraph, regions: usize) -> Self {
+        Self {
+            graph,
+            known: Mutex::default(),
+            targets: TARGETS_OF_REGION * regions + 1,
+            is_tight: OnceLock::new(),
+        }
+    }
+
+    fn is_tight(&self) -> bool {
+        *self.is_tight.get_or_init(|| {
+            self.graph.corners().count() > MANY_CORNERS
+                && self.targets * self.graph.windows_of_a_target() > MAX_KEPT
+        })
     }
 
     fn paths_to(&self, to: Point2<f64>) -> Arc<PathsTo> {
@@ -251,7 +273,10 @@ impl Ways {
         {
             size -= known.paths.remove(&oldest).map_or(0, |p| p.size());
         }
-        let paths = Arc::new(self.graph.paths_to(to));
+        let paths = Arc::new(match self.is_tight() {
+            true => self.graph.paths_by_corners(to),
+            false => self.graph.paths_to(to),
+        });
         known.paths.insert(key, Arc::clone(&paths));
         known.order.push_back(key);
         paths

@@ -174,11 +174,16 @@ impl Wavefront {
         self.windows.len() >= least
     }
 
-    /// Goes on to the end and keeps only what is known of corners; nothing is asked of windows any more.
-    pub(super) fn condense(&mut self, ground: Ground<'_>) {
+    /// Goes on to the end.
+    pub(super) fn finish(&mut self, ground: Ground<'_>) {
         while !self.queue.is_empty() {
             self.advance(ground);
         }
+    }
+
+    /// Goes on to the end and keeps only what is known of corners; nothing is asked of windows any more.
+    pub(super) fn condense(&mut self, ground: Ground<'_>) {
+        self.finish(ground);
         (self.windows, self.first) = (Vec::new(), Vec::new());
     }
 

@@ -3,7 +3,7 @@
 //! A shortest path bends only at convex corners of obstacles, and only tangentially. Paths to one target
 //! ([`VisibilityGraph::paths_to`]) are found by a wavefront over the triangulated free space, which
 //! goes as far as what was asked for needs; a query from a place that it has passed
-//! looks at the windows of one triangle, or on maps of very many corners at those that are in sight. For a target that is asked for once,
+//! looks at the windows of one triangle, or, where these are too many to keep, at the corners in sight. For a target that is asked for once,
 //! [`VisibilityGraph::first_leg`] sends the wavefront straight to where the question comes from.
 
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
@@ -15,11 +15,6 @@ use super::geodesics::{Bend, Ground, Leg, Wavefront};
 use super::mesh::Mesh;
 use super::walls::Enclosure;
 use super::{Polygon, Workspace};
-
-/// On maps of more corners than this, ways begin by looking which corners are in sight. That takes longer than to look at the
-/// windows of a triangle, but needs no windows once a wavefront is through: those of one target can take 64 MiB where ways of
-/// equal length are many (a lattice of 10⁴ squares), those of all targets of a search more than is kept.
-const MANY_CORNERS: usize = 8_000;
 
 /// A convex corner of an obstacle, with its neighbours along the border.
 #[derive(Clone, Copy, Debug)]
@@ -45,6 +40,8 @@ pub struct VisibilityGraph {
 #[derive(Debug)]
 pub struct PathsTo {
     target: Point2<f64>,
+    /// Whether paths begin by looking which corners are in sight, instead of at the windows of a triangle.
+    by_corners: bool,
     front: RwLock<Wavefront>,
 }
 
@@ -109,7 +106,18 @@ impl VisibilityGraph {
         self.start(&mut front, target, None);
         PathsTo {
             target,
+            by_corners: false,
             front: RwLock::new(front),
+        }
+    }
+
+    /// As [`Self::paths_to`]. To find a path takes a look at all corners in sight, which is slower, but once the wavefront
+    /// is through it needs little memory ([`PathsTo::condense`]).
+    #[must_use]
+    pub(crate) fn paths_by_corners(&self, target: Point2<f64>) -> PathsTo {
+        PathsTo {
+            by_corners: true,
+            ..self.paths_to(target)
         }
     }
 
@@ -147,9 +155,16 @@ impl VisibilityGraph {
         found
     }
 
-    /// Whether ways begin by looking which corners are in sight.
-    pub(crate) fn looks_around(&self) -> bool {
-        self.corners.len() > MANY_CORNERS
+    /// How many windows the paths to one target take if they are asked for from everywhere, by those to the first corner.
+    #[must_use]
+    pub(crate) fn windows_of_a_target(&self) -> usize {
+        let Some(corner) = self.corners.first() else {
+            return 0;
+        };
+        let mut front = Wavefront::new(&self.mesh);
+        self.start(&mut front, corner.at, None);
+        front.finish(self.ground());
+        front.size()
     }
 
     /// The corners that paths from `p` may bend at first, each once.
@@ -223,11 +238,11 @@ impl PathsTo {
         front.size()
     }
 
-    /// Keeps the lengths of paths from corners alone, if paths are found by those ([`VisibilityGraph::looks_around`]) and the
+    /// Keeps the lengths of paths from corners alone, if those are all that is looked at and the
     /// wavefront has passed most of the map; returns whether it did.
     pub(crate) fn condense(&self, graph: &VisibilityGraph) -> bool {
         let mut front = self.front.write().unwrap_or_else(PoisonError::into_inner);
-        let pays = graph.looks_around() && front.has_windows(graph.mesh.triangle_count());
+        let pays = self.by_corners && front.has_windows(graph.mesh.triangle_count());
         if pays {
             front.condense(graph.ground());
         }
@@ -286,9 +301,8 @@ impl PathsTo {
 
     /// The first leg of the shortest path from a point that does not see the target.
     fn leg_around(&self, graph: &VisibilityGraph, from: Point2<f64>) -> Option<Leg> {
-        let looks_around = graph.looks_around();
         let (mut seen, mut triangles): (Vec<u32>, SmallVec<[u32; 16]>) = Default::default();
-        if looks_around {
+        if self.by_corners {
             seen = graph.corners_in_sight(from);
         } else {
             triangles = graph.mesh.triangles_at(from);
@@ -296,7 +310,7 @@ impl PathsTo {
         let mut failed = None;
         loop {
             let front = self.front.read().unwrap_or_else(PoisonError::into_inner);
-            let best = match looks_around {
+            let best = match self.by_corners {
                 true => front.best_by(&graph.mesh, from, &seen, failed),
                 false => front.best(graph.ground(), from, &triangles, failed),
             };
@@ -304,7 +318,7 @@ impl PathsTo {
                 match best {
                     Some(leg) if graph.sees(leg, self.target, from) => return Some(leg),
                     Some(leg) => failed = Some(leg),
-                    None if looks_around => return None,
+                    None if self.by_corners => return None,
                     None => return graph.any_leg(&front, from),
                 }
                 continue;

@@ -47,6 +47,18 @@ fn a_round_visits_again_what_makes_it_begin_sooner() {
     }
 }
 
+/// The gym is visited by a loop on its way from the books to the mensa, though the automaton wants it on a way of its own, there and back.
+#[test]
+fn a_loop_passes_what_it_visits_on_its_way() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/campus.toml");
+    let mut scenario = Scenario::load(&path).unwrap();
+    scenario.weight = 0.5;
+    let exact = mission::plan(&scenario, &options(SamplerChoice::Exact, 1)).unwrap();
+    let sampled = mission::plan(&scenario, &options(SamplerChoice::Directed, 1_000)).unwrap();
+    let [exact, sampled] = [exact, sampled].map(|planned| planned.verified.cost.total);
+    assert!(sampled < 1.001 * exact, "{sampled} {exact}");
+}
+
 /// Where a unit of the prefix costs as much as one of the suffix, or more, the first round is part of the loop: it begins at the start,
 /// for every planner.
 #[test]

@@ -47,14 +47,61 @@ pub(super) fn fold(
     if scenario.weight <= 0.0 {
         return None;
     }
-    let mut best: Option<(Path, Verified)> = None;
+    let mut best = straightened(scenario, task, path, known);
     let mut walks = Walks::new(scenario);
     for _ in 0..AGAIN {
         let (path, known) = best.as_ref().map_or((path, known), |(p, v)| (p, v));
         let Some(cheaper) = fold_once(scenario, task, path, known, &mut walks) else {
             break;
         };
-        best = Some(cheaper);
+        let straight = straightened(scenario, task, &cheaper.0, &cheaper.1);
+        best = straight.or(Some(cheaper));
+    }
+    best
+}
+
+/// The plan without bends that it does not need, if it has any. The automaton may want a visit on a way of its own, there and back,
+/// that for the formula a loop can pass on its way to elsewhere.
+fn straightened(
+    scenario: &Scenario,
+    task: &Task,
+    path: &Path,
+    known: &Verified,
+) -> Option<(Path, Verified)> {
+    // A plan that stays somewhere is taut already, and on grids moves turn where they may.
+    if path.suffix.len() < 3 || scenario.grid.is_some() {
+        return None;
+    }
+    let mut best: Option<(Path, Verified)> = None;
+    let parts: [fn(&mut Path) -> &mut Vec<Waypoint>; 2] = [|p| &mut p.prefix, |p| &mut p.suffix];
+    for part in parts {
+        let length = part(&mut path.clone()).len();
+        // From the end, so that those that are still to be tried keep their numbers.
+        for i in (1..length - 1).rev() {
+            let (old, verified) = best.as_ref().map_or((path, known), |(p, v)| (p, v));
+            let mut shorter = old.clone();
+            let points = part(&mut shorter);
+            let [before, at, after] = [i - 1, i, i + 1].map(|i| points[i].at);
+            let saved = (at - before).norm() + (after - at).norm() - (after - before).norm();
+            if saved < 1e-9 * known.cost.total {
+                continue;
+            }
+            let Ok(stretches) = scenario.workspace.trace(before, after) else {
+                continue;
+            };
+            // What is seen changes at most once along a leg: between one change and the next there is a waypoint.
+            let changes = stretches.windows(2).map(|s| s[1].start).collect::<Vec<_>>();
+            let state = points[i].state;
+            let between = changes.windows(2).map(|c| Waypoint {
+                at: before + (after - before) * f64::midpoint(c[0], c[1]),
+                state,
+            });
+            points.splice(i..=i, between);
+            let checked = check(scenario, task, &shorter, None).ok();
+            if let Some(found) = checked.filter(|v| v.cost.total < verified.cost.total) {
+                best = Some((shorter, found));
+            }
+        }
     }
     best
 }

@@ -3,23 +3,10 @@
 use super::math::finish_into;
 use super::padded::Padded;
 use super::product::{LANES, PANEL, Product};
-use super::views::{Planes, PlanesMut, Scratch, at_least};
+use super::views::{Kernel, Planes, PlanesMut, Scratch, at_least};
 use super::winograd::Winograd;
-use crate::nn::program::{Activation, Constant, Window};
+use crate::nn::program::Window;
 use crate::simd::vectorised;
-
-/// The weights of a convolution: `weight` as in the operation, `bias` (out).
-#[derive(Clone, Copy, Debug)]
-pub struct Kernel<'a> {
-    /// The weights, in the layout of the operation.
-    pub weight: &'a Constant,
-    /// One value per output channel.
-    pub bias: &'a [f32],
-    /// The window.
-    pub window: Window,
-    /// What is applied to each result.
-    pub activation: Activation,
-}
 
 /// `y = activation(weight ∗ x + bias + residual)`.
 pub fn conv2d(

@@ -1,11 +1,10 @@
 //! Transposed convolution.
 
-use super::conv2d::Kernel;
 use super::interleave::interleave;
 use super::math::finish;
 use super::padded::Padded;
 use super::product::{LANES, PANEL, Product};
-use super::views::{Planes, PlanesMut, Scratch, at_least};
+use super::views::{Kernel, Planes, PlanesMut, Scratch, at_least};
 use super::winograd::Winograd;
 use crate::simd::vectorised;
 

@@ -22,7 +22,7 @@ mod views;
 mod winograd;
 
 pub use conv_transpose2d::conv_transpose2d;
-pub use conv2d::{Kernel, conv2d};
+pub use conv2d::conv2d;
 pub use gat::gat;
 pub use linear::linear;
 pub use moves::{broadcast, copy_rows, upsample};
@@ -30,4 +30,4 @@ pub use pool::{global_mean_pool, max_pool2d, mean_rows};
 pub use regions::{paint, region_form, region_mean, sign_mean};
 pub use session::Session;
 use share::share;
-pub use views::{Mat, MatMut, Planes, PlanesMut, Scratch};
+pub use views::{Kernel, Mat, MatMut, Planes, PlanesMut, Scratch};

@@ -1,6 +1,7 @@
-//! Borrowed matrices and maps.
+//! Borrowed matrices, maps and weights.
 
 use super::product::LANES;
+use crate::nn::program::{Activation, Constant, Window};
 
 /// A row-major matrix; row `i` begins at `i * stride`.
 #[derive(Clone, Copy, Debug)]
@@ -125,6 +126,19 @@ impl PlanesMut<'_> {
             width: self.width,
         }
     }
+}
+
+/// The weights of a convolution: `weight` as in the operation, `bias` (out).
+#[derive(Clone, Copy, Debug)]
+pub struct Kernel<'a> {
+    /// The weights, in the layout of the operation.
+    pub weight: &'a Constant,
+    /// One value per output channel.
+    pub bias: &'a [f32],
+    /// The window.
+    pub window: Window,
+    /// What is applied to each result.
+    pub activation: Activation,
 }
 
 /// Memory that kernels use between their steps, kept from one run to the next.

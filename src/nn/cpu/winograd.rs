@@ -22,12 +22,11 @@ mod planes;
 mod tests;
 mod weights;
 
-use super::conv2d::Kernel;
 use super::interleave::interleave;
 use super::math::finish;
 use super::padded::strip;
 use super::product::{LANES, PANEL, Product};
-use super::views::{Planes, PlanesMut, Scratch, at_least};
+use super::views::{Kernel, Planes, PlanesMut, Scratch, at_least};
 use crate::nn::program::Window;
 use crate::simd::vectorised;
 use planes::{Form, Tiled};

@@ -78,6 +78,17 @@ pub enum ScenarioErrorKind {
         /// What was asked for.
         pick: String,
     },
+    /// Several scenarios of a `.jsonl` file have this name.
+    #[error(
+        "several scenarios are called `{pick}`: name the one you mean by its line, {}",
+        listed(lines)
+    )]
+    SeveralNamed {
+        /// What was asked for.
+        pick: String,
+        /// Where they stand.
+        lines: Vec<usize>,
+    },
     /// A number is NaN or infinite.
     #[error("{what} is {value}: expected a finite number")]
     NotFinite {
@@ -265,5 +276,14 @@ impl fmt::Display for ScenarioError {
 impl std::error::Error for ScenarioError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         self.kind.source()
+    }
+}
+
+/// `2, 5 or 7`.
+fn listed(lines: &[usize]) -> String {
+    let all: Vec<String> = lines.iter().map(ToString::to_string).collect();
+    match all.as_slice() {
+        [most @ .., last] if !most.is_empty() => format!("{} or {last}", most.join(", ")),
+        _ => all.concat(),
     }
 }

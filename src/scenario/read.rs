@@ -136,11 +136,13 @@ pub(super) fn read_one(path: &Path, pick: Option<&str>) -> Read1 {
     };
     let line: Option<usize> = pick.parse().ok();
     let mut by_line = None;
+    let mut named = Vec::new();
     for one in all {
         match one {
             Ok((spec, source)) => {
                 if spec.name == pick {
-                    return Ok((spec, source));
+                    named.push((spec, source));
+                    continue;
                 }
                 if line == Some(source.first_line) {
                     by_line = Some(Ok((spec, source)));
@@ -153,7 +155,12 @@ pub(super) fn read_one(path: &Path, pick: Option<&str>) -> Read1 {
             }
         }
     }
-    by_line.unwrap_or_else(|| {
+    if named.len() > 1 {
+        let lines = named.iter().map(|(_, source)| source.first_line).collect();
+        let pick = pick.to_owned();
+        return Err(ScenarioError::new(Kind::SeveralNamed { pick, lines }).in_file(path));
+    }
+    named.pop().map(Ok).or(by_line).unwrap_or_else(|| {
         let pick = pick.to_owned();
         Err(ScenarioError::new(Kind::NotFound { pick }).in_file(path))
     })

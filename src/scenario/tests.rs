@@ -252,6 +252,11 @@ fn lines_of_jsonl_fail_one_by_one() {
         Scenario::load(&path).unwrap_err().kind(),
         ScenarioErrorKind::NotOne { found: 3 }
     ));
+    std::fs::write(&path, format!("{good}\n{other}\n{good}\n")).unwrap();
+    let pick = |name| Scenario::load_with(&path, Some(name), &Overrides::default());
+    let several = pick("base").unwrap_err().to_string();
+    assert!(several.contains("by its line, 1 or 3"), "{several}");
+    assert!(pick("3").is_ok() && pick("other").is_ok());
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! What the networks tell the sampler.
 
 use crate::simd::vectorised;
+
 /// A square grid of non-negative weights over the workspace: where good paths run.
 ///
 /// Cell `(i, j)` counts from the lower-left corner of the (square) frame that the map encoding

@@ -33,6 +33,7 @@ pub use cubes::{Cube, cubes, guard_text, letters_of};
 pub use hoa::{HoaError, HoaErrorKind, read_hoa, read_hoa_stream};
 pub use limits::Limits;
 pub use nba::{Nba, StateId, Transition};
+pub(crate) use scc::components;
 pub use task::{Distances, Task, TaskError};
 pub use tour::Layout;
 pub use translate::{TranslateError, translate, translate_on};

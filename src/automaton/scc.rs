@@ -6,7 +6,7 @@ const UNSEEN: u32 = u32::MAX;
 ///
 /// Tarjan, "Depth-first search and linear graph algorithms", SIAM J. Comput. 1 (1972), without
 /// recursion.
-pub(super) fn components<I>(n: usize, successors: impl Fn(usize) -> I) -> Vec<u32>
+pub(crate) fn components<I>(n: usize, successors: impl Fn(usize) -> I) -> Vec<u32>
 where
     I: Iterator<Item = usize>,
 {

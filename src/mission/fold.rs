@@ -37,17 +37,19 @@ const AGAIN: usize = 4;
 /// A plan that enters the loop of `path` elsewhere, or goes a round that begins earlier, and passes the checker, if there is one that
 /// costs less.
 ///
-/// Its suffix has the automaton states of `path`'s, which the run reaches after a round or more, or those of the first round.
+/// Its suffix has the automaton states of `path`'s, which the run reaches after a round or more, or those of the first round; where a bend
+/// was straightened, points have the state of the bend that they took the place of.
 pub(super) fn fold(
     scenario: &Scenario,
     task: &Task,
     path: &Path,
     known: &Verified,
 ) -> Option<(Path, Verified)> {
-    if scenario.weight <= 0.0 {
-        return None;
-    }
     let mut best = straightened(scenario, task, path, known);
+    // A prefix that costs nothing need not be shorter.
+    if scenario.weight <= 0.0 {
+        return best;
+    }
     let mut walks = Walks::new(scenario);
     for _ in 0..AGAIN {
         let (path, known) = best.as_ref().map_or((path, known), |(p, v)| (p, v));
@@ -75,7 +77,7 @@ fn straightened(
     let mut best: Option<(Path, Verified)> = None;
     let parts: [fn(&mut Path) -> &mut Vec<Waypoint>; 2] = [|p| &mut p.prefix, |p| &mut p.suffix];
     for part in parts {
-        let length = part(&mut path.clone()).len();
+        let length = part(&mut best.as_ref().map_or(path, |(p, _)| p).clone()).len();
         // From the end, so that those that are still to be tried keep their numbers.
         for i in (1..length - 1).rev() {
             let (old, verified) = best.as_ref().map_or((path, known), |(p, v)| (p, v));

@@ -21,11 +21,14 @@ use allowed::Allowed;
 /// however many they are.
 const MAX_KEPT: usize = 4 << 20;
 
-/// On maps of fewer corners the paths to all targets of a search fit.
-const MANY_CORNERS: usize = 5_000;
+/// Whether all paths fit is estimated from how much those to the first so many corners take.
+const SAMPLE: usize = 2_000;
+
+/// Paths take at most about so many windows for each corner: in lattices, where ways of equal length abound.
+const MOST_WINDOWS: usize = 16;
 
 /// A search asks for ways to about so many places of each region: the middles of its parts and its corners.
-const TARGETS_OF_REGION: usize = 8;
+const TARGETS_OF_REGION: usize = 7;
 
 /// Why a robot cannot start where it should.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -79,6 +82,8 @@ pub struct Continuous {
 struct Ways {
     graph: VisibilityGraph,
     known: Mutex<Known>,
+    /// Where the robot starts.
+    start: Point2<f64>,
     /// How many targets a search will ask for, about.
     targets: usize,
     /// Whether the paths to all targets would not fit, so that those that are through are to be condensed. Found when it is first
@@ -142,7 +147,7 @@ impl Continuous {
             landmarks,
             parts,
             reachable,
-            ways: Ways::new(graph, regions),
+            ways: Ways::new(graph, start, regions),
             around: Mutex::default(),
             allowed: Mutex::default(),
         })
@@ -230,24 +235,26 @@ impl Continuous {
             return None;
         }
         let graph = VisibilityGraph::new(Arc::new(map.barred(barred)));
-        Some(Ways::new(graph, map.regions().len()))
+        Some(Ways::new(graph, self.start.at, map.regions().len()))
     }
 }
 
 impl Ways {
-    fn new(graph: VisibilityGraph, regions: usize) -> Self {
+    fn new(graph: VisibilityGraph, start: Point2<f64>, regions: usize) -> Self {
         Self {
             graph,
             known: Mutex::default(),
+            start,
             targets: TARGETS_OF_REGION * regions + 1,
             is_tight: OnceLock::new(),
         }
     }
 
     fn is_tight(&self) -> bool {
+        let start = self.start;
         *self.is_tight.get_or_init(|| {
-            self.graph.corners().count() > MANY_CORNERS
-                && self.targets * self.graph.windows_of_a_target() > MAX_KEPT
+            self.targets * self.graph.corners().count() * MOST_WINDOWS > MAX_KEPT
+                && self.targets * self.graph.size_of_paths(start, SAMPLE) > MAX_KEPT
         })
     }
 
@@ -265,13 +272,13 @@ impl Ways {
             }
             let before = paths.size();
             if paths.condense(&self.graph) {
-                size = size - before + paths.size();
+                size = size.saturating_sub(before) + paths.size();
             }
         }
         while size > MAX_KEPT
             && let Some(oldest) = known.order.pop_front()
         {
-            size -= known.paths.remove(&oldest).map_or(0, |p| p.size());
+            size = size.saturating_sub(known.paths.remove(&oldest).map_or(0, |p| p.size()));
         }
         let paths = Arc::new(match self.is_tight() {
             true => self.graph.paths_by_corners(to),

@@ -9,7 +9,7 @@
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 
-use crate::automaton::{StateId, Task};
+use crate::automaton::{StateId, Task, components};
 use crate::plan::{Cost, Path, Waypoint};
 use crate::planner::Problem;
 use crate::queue::Entry;
@@ -47,6 +47,11 @@ pub fn optimum(problem: &Problem) -> Option<(Path, Cost)> {
         .collect();
     goals.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let (before, after) = (problem.weight, 1.0 - problem.weight);
+    if after == 0.0 {
+        // Any cycle will do, and nothing would keep the search from trying every one.
+        let goal = product.goal_of_the_shortest_prefix(&prefixes, &arrivals)?;
+        goals.retain(|&(_, node)| node == goal);
+    }
     let mut best: Option<Lasso> = None;
     for (way, goal) in goals {
         let bound = best.as_ref().map_or(f64::INFINITY, |b| b.total);
@@ -77,7 +82,7 @@ pub fn optimum(problem: &Problem) -> Option<(Path, Cost)> {
                 continue;
             }
             let total = before * prefixes.costs[i] + after * length;
-            // Of equal plans the one that is shorter in the part that weighs nothing.
+            // Of equal plans through the goals that are tried the one that is shorter in the part that weighs nothing.
             let better = best
                 .as_ref()
                 .is_none_or(|b| (total, whole) < (b.total, b.whole));
@@ -242,6 +247,49 @@ impl<'a> Product<'a> {
                 }
             }
         }
+    }
+
+    /// An accepting node whose cycles the shortest of all prefixes enters, and of these the one that makes the shortest cycle there.
+    fn goal_of_the_shortest_prefix(
+        &self,
+        prefixes: &Tree,
+        arrivals: &[Vec<(u32, f64)>],
+    ) -> Option<u32> {
+        let successors = |node: usize| {
+            let mut found = Vec::new();
+            self.for_each_step(node as u32, &mut |to, _| found.push(to as usize));
+            found.into_iter()
+        };
+        let component = components(self.nodes().len(), successors);
+        let is_in_cycle = |node: u32| {
+            let here = component[node as usize];
+            let mut before = arrivals[node as usize].iter();
+            before.any(|&(from, _)| component[from as usize] == here)
+        };
+        let mut accepts = vec![false; component.len()];
+        for goal in self.accepting().filter(|&goal| is_in_cycle(goal)) {
+            accepts[component[goal as usize] as usize] = true;
+        }
+        let cost = |&node: &u32| prefixes.costs[node as usize];
+        let enters = |&node: &u32| accepts[component[node as usize] as usize];
+        let entry = self
+            .nodes()
+            .filter(|node| cost(node).is_finite() && enters(node));
+        let entry = entry.min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
+        let ahead = |node: u32, visit: &mut dyn FnMut(u32, f64)| self.for_each_step(node, visit);
+        let back = |node: u32, visit: &mut dyn FnMut(u32, f64)| {
+            arrivals[node as usize]
+                .iter()
+                .for_each(|&(from, length)| visit(from, length));
+        };
+        let seed = || std::iter::once((entry, 0.0));
+        let out = self.search(seed(), f64::INFINITY, ahead);
+        let home = self.search(seed(), f64::INFINITY, back);
+        let around = |&goal: &u32| out.costs[goal as usize] + home.costs[goal as usize];
+        let goals = self.accepting().filter(|&goal| is_in_cycle(goal));
+        goals
+            .filter(|goal| around(goal).is_finite())
+            .min_by(|a, b| around(a).total_cmp(&around(b)))
     }
 
     fn nodes(&self) -> std::ops::Range<u32> {

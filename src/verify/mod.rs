@@ -157,7 +157,9 @@ fn check_structure(start: Point2<f64>, path: &Path, slack: f64) -> Result<(), Re
             }
         }
     }
-    let apart = |a: Point2<f64>, b: Point2<f64>| (a - b).amax() > slack;
+    // Never for what is not a number.
+    let together = |a: f64, b: f64| (a - b).abs() <= slack;
+    let apart = |a: Point2<f64>, b: Point2<f64>| !(together(a.x, b.x) && together(a.y, b.y));
     let at = path.prefix[0].at;
     if apart(at, start) {
         return Err(Refusal::WrongStart { at, start });

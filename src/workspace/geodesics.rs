@@ -174,6 +174,14 @@ impl Wavefront {
         self.windows.len() >= least
     }
 
+    /// Goes on until so many corners are reached; returns how many windows there will be if all corners have as many.
+    pub(super) fn size_by(&mut self, ground: Ground<'_>, corners: usize) -> usize {
+        while self.reached.len() < corners && !self.queue.is_empty() {
+            self.advance(ground);
+        }
+        self.windows.len() * ground.mesh.len() / self.reached.len().max(1)
+    }
+
     /// Goes on to the end.
     pub(super) fn finish(&mut self, ground: Ground<'_>) {
         while !self.queue.is_empty() {
@@ -185,6 +193,7 @@ impl Wavefront {
     pub(super) fn condense(&mut self, ground: Ground<'_>) {
         self.finish(ground);
         (self.windows, self.first) = (Vec::new(), Vec::new());
+        self.queue = BinaryHeap::new();
     }
 
     /// How much is kept, in windows.

@@ -155,16 +155,13 @@ impl VisibilityGraph {
         found
     }
 
-    /// How many windows the paths to one target take if they are asked for from everywhere, by those to the first corner.
+    /// How much the paths to one target will take if they are asked for from everywhere, in units of about 64 bytes: by those
+    /// from around `p`, from where so many corners are reached soon.
     #[must_use]
-    pub(crate) fn windows_of_a_target(&self) -> usize {
-        let Some(corner) = self.corners.first() else {
-            return 0;
-        };
+    pub(crate) fn size_of_paths(&self, p: Point2<f64>, sample: usize) -> usize {
         let mut front = Wavefront::new(&self.mesh);
-        self.start(&mut front, corner.at, None);
-        front.finish(self.ground());
-        front.size()
+        self.start(&mut front, p, None);
+        front.size_by(self.ground(), sample)
     }
 
     /// The corners that paths from `p` may bend at first, each once.
@@ -294,8 +291,12 @@ impl PathsTo {
         visit: &mut dyn FnMut(Point2<f64>),
     ) {
         if let Some(corner) = self.leg_around(graph, from).and_then(|leg| leg.corner) {
+            let mut bends: SmallVec<[Point2<f64>; 16]> = SmallVec::new();
             let front = self.front.read().unwrap_or_else(PoisonError::into_inner);
-            front.chain(&graph.mesh, corner, visit);
+            front.chain(&graph.mesh, corner, &mut |p| bends.push(p));
+            // Whoever is told may ask for more ways.
+            drop(front);
+            bends.into_iter().for_each(visit);
         }
     }
 

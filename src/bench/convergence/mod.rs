@@ -114,8 +114,8 @@ pub struct Descent {
     /// what it waited for them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub networks_after: Option<u64>,
-    /// Whether the checker accepted the last plan; `None` without a plan, or without a formula to
-    /// check it by.
+    /// Whether the checker accepted the last plan; `None` without a plan, without a formula to
+    /// check it by, and on grids.
     pub verified: Option<bool>,
 }
 

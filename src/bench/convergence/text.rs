@@ -44,7 +44,10 @@ impl Convergence {
         let mut text = format!(
             "{} that the exact planner solves, {} of each sampler on each. Its plans take {}. They cost at most {} by lower \
              bounds without refinement, which take {}",
-            counted(all.len() as u64, "mission", "missions"),
+            match all.len() {
+                1 => "One mission".to_owned(),
+                n => format!("{n} missions"),
+            },
             counted(self.trials, "search", "searches"),
             time(of(|r| r.seconds)),
             gaps(|r| Some(r.quick)),
@@ -66,13 +69,16 @@ impl Convergence {
             refused.count(),
             checked.count()
         );
-        let heavy = all.iter().filter(|r| r.weight > 0.5).count();
+        let heavy = all.iter().filter(|r| r.weight >= 0.5).count();
         if heavy > 0 {
-            let missions = counted(heavy as u64, "mission weighs", "missions weigh");
+            let missions = match heavy {
+                1 => "One mission weighs".to_owned(),
+                n => format!("{n} missions weigh"),
+            };
             let _ = writeln!(
                 text,
-                "{missions} the prefix with more than one half. There `nngtl plan` ends by looking for loops that no run of the automaton \
-                 closes, which may cost much less, with every sampler and with the exact planner; that is left out here on both sides.\n"
+                "{missions} the prefix with one half or more. There `nngtl plan` ends by looking for loops that no run of the automaton \
+                 closes, which may cost much less (on grids less so), with every sampler and with the exact planner; that is left out here on both sides.\n"
             );
         }
         text.push_str(

@@ -38,7 +38,10 @@ impl Report {
         let mut text = format!(
             "{}, {} each, cap {} iterations, seed {}. Cells: mean · median [quartiles]. Runs that end at the cap without \
              a result count with what they spent, and what they make a lower bound is marked ≥.\n\n",
-            counted(self.missions as u64, "mission", "missions"),
+            match self.missions {
+                1 => "One mission".to_owned(),
+                n => format!("{n} missions"),
+            },
             counted(self.comparison.trials, "trial", "trials"),
             self.comparison.settings.iterations,
             self.comparison.settings.seed,

@@ -35,9 +35,10 @@ pub fn conv2d(
     };
     let Scratch {
         panel,
-        tile,
+        tiles,
         offsets,
         threads,
+        ..
     } = scratch;
     // A 1×1 convolution meets the input as it stands, if there is room behind it.
     let planes = if k.window == Window::new(1, 1, 0) && x.has_room() {
@@ -54,11 +55,12 @@ pub fn conv2d(
     padded.offsets(taps, offsets);
     let (cells, width) = (y.height * y.width, y.width);
     let strip = padded.strip(y.channels, y.height);
+    let multiply_adds = y.data.len() * offsets.len();
     super::share(
         *threads,
         y,
-        offsets.len() * cells,
-        tile,
+        multiply_adds,
+        tiles,
         |first_channel, y, tile| {
             let left = &k.weight[first_channel * offsets.len()..];
             for first in (0..y.height).step_by(strip) {

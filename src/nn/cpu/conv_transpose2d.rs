@@ -36,9 +36,10 @@ pub fn conv_transpose2d(x: Planes<'_>, k: &Kernel<'_>, y: PlanesMut<'_>, scratch
     };
     let Scratch {
         panel,
-        tile,
+        tiles,
         offsets,
         threads,
+        ..
     } = scratch;
     let planes = at_least(panel, padded.len());
     padded.fill(x, planes);
@@ -48,11 +49,12 @@ pub fn conv_transpose2d(x: Planes<'_>, k: &Kernel<'_>, y: PlanesMut<'_>, scratch
     let depth = offsets.len();
     let of_residue = y.channels.next_multiple_of(PANEL) * depth;
     let strip = padded.strip(stride * y.channels, height.div_ceil(stride));
+    let multiply_adds = y.data.len() * depth;
     super::share(
         *threads,
         y,
-        depth * height * width,
-        tile,
+        multiply_adds,
+        tiles,
         |first_channel, y, tile| {
             let channels = y.channels;
             for residue in 0..stride.min(height) {

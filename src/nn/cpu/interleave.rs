@@ -34,7 +34,8 @@ fn pieces<'a, const WAYS: usize>(line: &mut [f32], source: impl Fn(usize) -> &'a
 /// The opposite: `parts` gets every `WAYS`-th value, from the first on, from the second on, and so on; the part k begins at `k · room`.
 #[inline(always)]
 pub(super) fn take_apart<const WAYS: usize>(line: &[f32], parts: &mut [f32], room: usize) {
-    let pieces = line.as_chunks::<WAYS>().0;
+    let (pieces, rest) = line.as_chunks::<WAYS>();
+    debug_assert!(rest.is_empty(), "whole pieces");
     let mut parts = parts.chunks_exact_mut(room.max(1));
     let mut parts: [&mut [f32]; WAYS] =
         std::array::from_fn(|_| &mut parts.next().expect("a part for each")[..pieces.len()]);

@@ -37,7 +37,7 @@ pub(super) struct Product<'a> {
 impl Product<'_> {
     /// Computes the product: row `i` of the result begins at `i * stride` of `y`.
     ///
-    /// Of each row the columns up to the next multiple of [`LANES`] are written.
+    /// Of each row the columns are written, and others up to the next multiple of [`LANES`] may be.
     ///
     /// # Panics
     /// If a slice is shorter than that needs.

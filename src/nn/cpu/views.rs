@@ -148,6 +148,8 @@ pub struct Scratch {
     pub panel: Vec<f32>,
     /// Results before they go to their places.
     pub tile: Vec<f32>,
+    /// The same for each thread that shares in a layer.
+    pub tiles: Vec<Vec<f32>>,
     /// Where the rows of products' right matrices begin.
     pub offsets: Vec<u32>,
     /// How many threads a kernel may use; 0 counts as 1.

@@ -97,6 +97,11 @@ impl Winograd {
             && height * width >= LEAST_TILES
     }
 
+    /// What tells its kernels from those of other methods.
+    fn key(&self) -> [usize; 3] {
+        [self.form.taps, self.stride, self.residues]
+    }
+
     /// Tiles along an axis of so many output cells.
     fn tiles(&self, size: usize) -> usize {
         size.div_ceil(2 * self.residues)
@@ -116,9 +121,9 @@ impl Winograd {
         mut y: PlanesMut<'_>,
         scratch: &mut Scratch,
     ) {
-        let weights = k
-            .weight
-            .transformed(|weight| self.weights(weight, x.channels, y.channels));
+        let weights = k.weight.transformed(self.key(), |weight| {
+            self.weights(weight, x.channels, y.channels)
+        });
         let tiles = [y.height, y.width].map(|size| self.tiles(size));
         let shift = self.form.shift(self.begin(self.residues - 1));
         let (inputs, width) = (self.stride * self.stride * x.channels, tiles[1] + shift);
@@ -134,10 +139,14 @@ impl Winograd {
         let Scratch {
             panel,
             tile,
+            tiles: memory,
             offsets,
             threads,
         } = scratch;
         tiled.offsets(offsets);
+        // Of the whole layer, as strips follow one another quickly.
+        let squared = self.form.points().pow(2) * self.residues.pow(2);
+        let multiply_adds = squared * offsets.len() * tiles[0] * width * y.channels;
         for first in (0..tiles[0]).step_by(at_once) {
             let planes = at_least(panel, tiled.len());
             tiled.fill(x, first, tile, planes);
@@ -158,12 +167,10 @@ impl Winograd {
                 columns,
                 length: columns.next_multiple_of(LANES),
             };
-            let squared = self.form.points().pow(2) * self.residues.pow(2);
-            let multiply_adds = squared * offsets.len() * columns;
             let work = |first_channel, y: PlanesMut<'_>, tile: &mut Vec<f32>| {
                 strip.work(first_channel, y, tile);
             };
-            super::share(*threads, y.reborrow(), multiply_adds, tile, work);
+            super::share(*threads, y.reborrow(), multiply_adds, memory, work);
         }
     }
 }

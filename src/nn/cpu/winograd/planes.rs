@@ -71,8 +71,8 @@ impl Form {
         begin.div_ceil(2)
     }
 
-    /// From products to outputs: `products` has for each pair of points a part of `part` values of which `used` are there;
-    /// `cells` gets parts for the four cells of a tile.
+    /// From products to outputs: `products` has for each pair of points a part of `part` values of which `used` are there
+    /// (behind the columns of a row some may be anything, and are not looked at afterwards); `cells` gets parts for the four cells of a tile.
     pub(super) fn outputs(&self, products: &[f32], used: usize, part: usize, cells: &mut [f32]) {
         vectorised!(match self.taps {
             2 => outputs::<3>(products, used, part, cells),

@@ -1,3 +1,4 @@
+use super::super::{conv_transpose2d, conv2d};
 use super::*;
 use crate::nn::program::{Activation, Constant};
 use crate::nn::weights::{conv_weights, transposed_weights};
@@ -240,18 +241,109 @@ fn large_layers_match_the_definition() {
     };
     let half = Case {
         window: Window::new(4, 2, 1),
-        channels: [150, 33],
+        channels: [75, 70],
+        size: [141, 90],
         ..case
     };
     let up = Case {
         transposed: true,
         residual: false,
-        size: [26, 31],
+        channels: [150, 40],
+        size: [56, 61],
         ..half
     };
+    for (case, transposed) in [(case, false), (half, false), (up, true)] {
+        let method = match transposed {
+            true => Winograd::transposed(case.window),
+            false => Winograd::conv(case.window),
+        };
+        let method = method.unwrap();
+        let [rows, columns] = case.size.map(|size| method.tiles(case.out(size)));
+        let inputs = case.channels[0] * method.stride.pow(2);
+        assert!(
+            strip(case.channels[1] + inputs, columns + 1, rows) < rows,
+            "one strip: {case:?}"
+        );
+    }
     for threads in [1, 3] {
         for case in [case, half, up] {
             Case { threads, ..case }.check();
+        }
+    }
+}
+
+/// By the operations themselves, which choose the method: the same as by it, whatever the threads, and what they keep is used again.
+#[test]
+fn operations_choose_the_method_where_it_pays() {
+    let down = Case {
+        window: Window::new(4, 2, 1),
+        transposed: false,
+        channels: [64, 128],
+        size: [64, 80],
+        extra: 0,
+        residual: true,
+        threads: 1,
+    };
+    let up = Case {
+        transposed: true,
+        residual: false,
+        channels: [128, 64],
+        size: [32, 40],
+        ..down
+    };
+    for case in [down, up] {
+        let ([inputs, outs], [rows, columns]) =
+            (case.channels, case.size.map(|size| case.out(size)));
+        let x = values(inputs * case.size[0] * case.size[1], 1);
+        let given = values(inputs * outs * case.window.kernel.pow(2), 2);
+        let bias = values(outs, 3);
+        let residual = values(outs * rows * columns, 4);
+        let expected = case.found(&x, &given, &bias, &residual);
+        let scales = vec![1.0; outs];
+        let weight = match case.transposed {
+            true => transposed_weights(&given, &scales, inputs, case.window),
+            false => conv_weights(&given, &scales, inputs, case.window.kernel),
+        };
+        let kernel = Kernel {
+            weight: &Constant::from(weight),
+            bias: &bias,
+            window: case.window,
+            activation: Activation::LeakyRelu,
+        };
+        for threads in [1, 4] {
+            let mut scratch = Scratch {
+                threads,
+                ..Scratch::default()
+            };
+            let mut data = vec![f32::NAN; outs * rows * columns];
+            let y = PlanesMut {
+                data: &mut data,
+                channels: outs,
+                height: rows,
+                width: columns,
+            };
+            let chosen = match case.transposed {
+                true => Winograd::of_transposed(case.window, inputs, &y),
+                false => Winograd::of_conv(case.window, inputs, &y),
+            };
+            assert!(chosen.is_some(), "it pays for {case:?}");
+            let [height, width] = case.size;
+            let planes = |data, channels, height, width| Planes {
+                data,
+                channels,
+                height,
+                width,
+            };
+            let input = planes(&x, inputs, height, width);
+            match case.transposed {
+                true => conv_transpose2d(input, &kernel, y, &mut scratch),
+                false => {
+                    let residual = Some(planes(&residual, outs, rows, columns));
+                    conv2d(input, &kernel, residual, y, &mut scratch);
+                }
+            }
+            assert_eq!(scratch.tiles.len(), threads, "{case:?}");
+            assert_eq!(data, expected, "{case:?}, {threads} threads");
         }
     }
 }

@@ -576,3 +576,34 @@ fn regions_too_small_for_their_map_are_called_so() {
         "{run:?}"
     );
 }
+
+#[test]
+fn missions_that_a_grid_rules_out_say_that_it_does() {
+    let folder = folder();
+    let path = folder.path().join("grid.toml");
+    let text = "start = [0.5, 0.5]\ntask = \"true\"\n[workspace]\nbounds = [[0, 0], [5, 5]]\n\
+                grid = { cells = [5, 5], cell = 1.0 }\n[workspace.regions]\n\
+                far = [[4, 4], [5, 4], [5, 5], [4, 5]]\nbetween = [[2.8, 2.8], [3.2, 2.8], [3.2, 3.2], [2.8, 3.2]]\n";
+    std::fs::write(&path, text).unwrap();
+    let path = path.to_str().unwrap();
+    let plan = |task: &str| nngtl(&["plan", path, "--task", task, "--json"]);
+    for (task, says) in [
+        ("X far", "on this grid: no sequence of waypoints"),
+        (
+            "F between",
+            "no cell whose centre lies there can be entered",
+        ),
+    ] {
+        let run = plan(task);
+        assert_eq!(run.code, 1, "{run:?}");
+        assert_eq!(run.json()["outcome"], "unreachable", "{run:?}");
+        assert!(run.err.contains(says), "{run:?}");
+    }
+    let json = plan("X far").json();
+    let beyond = json["beyond"].as_array();
+    assert!(
+        beyond.is_none_or(Vec::is_empty),
+        "far can be reached: {json}"
+    );
+    assert_eq!(plan("X X far").code, 0);
+}

@@ -76,8 +76,8 @@ fn straightened(
     }
     let mut best: Option<(Path, Verified)> = None;
     let parts: [fn(&mut Path) -> &mut Vec<Waypoint>; 2] = [|p| &mut p.prefix, |p| &mut p.suffix];
-    for part in parts {
-        let length = part(&mut best.as_ref().map_or(path, |(p, _)| p).clone()).len();
+    let lengths = [path.prefix.len(), path.suffix.len()];
+    for (part, length) in parts.into_iter().zip(lengths) {
         // From the end, so that those that are still to be tried keep their numbers.
         for i in (1..length - 1).rev() {
             let (old, verified) = best.as_ref().map_or((path, known), |(p, v)| (p, v));

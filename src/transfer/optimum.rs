@@ -49,7 +49,7 @@ pub fn optimum(problem: &Problem) -> Option<(Path, Cost)> {
     let (before, after) = (problem.weight, 1.0 - problem.weight);
     if after == 0.0 {
         // Any cycle will do, and nothing would keep the search from trying every one.
-        let goal = product.goal_of_the_shortest_prefix(&prefixes, &arrivals)?;
+        let goal = product.goal_of_the_shortest_prefix(&prefixes, &arrivals, ahead, back)?;
         goals.retain(|&(_, node)| node == goal);
     }
     let mut best: Option<Lasso> = None;
@@ -254,10 +254,12 @@ impl<'a> Product<'a> {
         &self,
         prefixes: &Tree,
         arrivals: &[Vec<(u32, f64)>],
+        ahead: impl Fn(u32, &mut dyn FnMut(u32, f64)),
+        back: impl Fn(u32, &mut dyn FnMut(u32, f64)),
     ) -> Option<u32> {
         let successors = |node: usize| {
             let mut found = Vec::new();
-            self.for_each_step(node as u32, &mut |to, _| found.push(to as usize));
+            ahead(node as u32, &mut |to, _| found.push(to as usize));
             found.into_iter()
         };
         let component = components(self.nodes().len(), successors);
@@ -276,14 +278,8 @@ impl<'a> Product<'a> {
             .nodes()
             .filter(|node| cost(node).is_finite() && enters(node));
         let entry = entry.min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
-        let ahead = |node: u32, visit: &mut dyn FnMut(u32, f64)| self.for_each_step(node, visit);
-        let back = |node: u32, visit: &mut dyn FnMut(u32, f64)| {
-            arrivals[node as usize]
-                .iter()
-                .for_each(|&(from, length)| visit(from, length));
-        };
         let seed = || std::iter::once((entry, 0.0));
-        let out = self.search(seed(), f64::INFINITY, ahead);
+        let out = self.search(seed(), f64::INFINITY, &ahead);
         let home = self.search(seed(), f64::INFINITY, back);
         let around = |&goal: &u32| out.costs[goal as usize] + home.costs[goal as usize];
         let goals = self.accepting().filter(|&goal| is_in_cycle(goal));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use super::super::report::{cell_or_dash, counted, quoted};
+use super::super::report::{cell_or_dash, counted, counted_first, quoted};
 use super::super::stats::{self, Measured, Ratio, mean};
 use super::super::{Contender, Group, Strategy};
 use super::{Convergence, NEAR, Reference, gap};
@@ -44,10 +44,7 @@ impl Convergence {
         let mut text = format!(
             "{} that the exact planner solves, {} of each sampler on each. Its plans take {}. They cost at most {} by lower \
              bounds without refinement, which take {}",
-            match all.len() {
-                1 => "One mission".to_owned(),
-                n => format!("{n} missions"),
-            },
+            counted_first(all.len(), "mission", "missions"),
             counted(self.trials, "search", "searches"),
             time(of(|r| r.seconds)),
             gaps(|r| Some(r.quick)),
@@ -71,10 +68,7 @@ impl Convergence {
         );
         let heavy = all.iter().filter(|r| r.weight >= 0.5).count();
         if heavy > 0 {
-            let missions = match heavy {
-                1 => "One mission weighs".to_owned(),
-                n => format!("{n} missions weigh"),
-            };
+            let missions = counted_first(heavy, "mission weighs", "missions weigh");
             let _ = writeln!(
                 text,
                 "{missions} the prefix with one half or more. There `nngtl plan` ends by looking for loops that no run of the automaton \

@@ -13,7 +13,7 @@ use super::{Comparison, Contender, Strategy, Trial};
 use crate::planner::First;
 
 pub(super) use curves::success;
-pub(super) use text::{cell_or_dash, counted, quoted};
+pub(super) use text::{cell_or_dash, counted, counted_first, quoted};
 
 /// All trials of a comparison, with what they say.
 #[derive(Clone, Debug, Serialize)]

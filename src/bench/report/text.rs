@@ -38,10 +38,7 @@ impl Report {
         let mut text = format!(
             "{}, {} each, cap {} iterations, seed {}. Cells: mean · median [quartiles]. Runs that end at the cap without \
              a result count with what they spent, and what they make a lower bound is marked ≥.\n\n",
-            match self.missions {
-                1 => "One mission".to_owned(),
-                n => format!("{n} missions"),
-            },
+            counted_first(self.missions, "mission", "missions"),
             counted(self.comparison.trials, "trial", "trials"),
             self.comparison.settings.iterations,
             self.comparison.settings.seed,
@@ -227,6 +224,14 @@ pub(in crate::bench) fn cell_or_dash<T: std::fmt::Display>(value: Option<T>) -> 
 pub(in crate::bench) fn counted(number: u64, one: &str, more: &str) -> String {
     match number {
         1 => format!("one {one}"),
+        _ => format!("{number} {more}"),
+    }
+}
+
+/// As [`counted`], at the beginning of a sentence.
+pub(in crate::bench) fn counted_first(number: usize, one: &str, more: &str) -> String {
+    match number {
+        1 => format!("One {one}"),
         _ => format!("{number} {more}"),
     }
 }

@@ -21,7 +21,44 @@ struct Case {
     threads: usize,
 }
 
+/// Planes of a map.
+fn planes(data: &[f32], channels: usize, [height, width]: [usize; 2]) -> Planes<'_> {
+    Planes {
+        data,
+        channels,
+        height,
+        width,
+    }
+}
+
+fn planes_mut(data: &mut [f32], channels: usize, [height, width]: [usize; 2]) -> PlanesMut<'_> {
+    PlanesMut {
+        data,
+        channels,
+        height,
+        width,
+    }
+}
+
 impl Case {
+    fn method(&self) -> Winograd {
+        let method = match self.transposed {
+            true => Winograd::transposed(self.window),
+            false => Winograd::conv(self.window),
+        };
+        method.expect("the window is one of those that have a method")
+    }
+
+    /// PyTorch's weights in the layout of the operation.
+    fn packed(&self, weight: &[f32]) -> Constant {
+        let ([inputs, outs], window) = (self.channels, self.window);
+        let scales = vec![1.0; outs];
+        Constant::from(match self.transposed {
+            true => transposed_weights(weight, &scales, inputs, window),
+            false => conv_weights(weight, &scales, inputs, window.kernel),
+        })
+    }
+
     fn out(&self, size: usize) -> usize {
         if self.transposed {
             self.window.enlarged(size, self.extra)
@@ -81,25 +118,11 @@ impl Case {
     fn found(&self, x: &[f32], weight: &[f32], bias: &[f32], residual: &[f32]) -> Vec<f32> {
         let [inputs, outs] = self.channels;
         let [rows, columns] = self.size.map(|size| self.out(size));
-        let scales = vec![1.0; outs];
-        let (weight, method) = if self.transposed {
-            let weight = transposed_weights(weight, &scales, inputs, self.window);
-            (weight, Winograd::transposed(self.window))
-        } else {
-            let weight = conv_weights(weight, &scales, inputs, self.window.kernel);
-            (weight, Winograd::conv(self.window))
-        };
         let kernel = Kernel {
-            weight: &Constant::from(weight),
+            weight: &self.packed(weight),
             bias,
             window: self.window,
             activation: Activation::LeakyRelu,
-        };
-        let planes = |data, channels, [height, width]: [usize; 2]| Planes {
-            data,
-            channels,
-            height,
-            width,
         };
         let mut scratch = Scratch {
             threads: self.threads,
@@ -110,17 +133,11 @@ impl Case {
         scratch.tile = vec![f32::NAN; 1000];
         let mut y = vec![f32::NAN; outs * rows * columns];
         for _ in 0..2 {
-            let y = PlanesMut {
-                data: &mut y,
-                channels: outs,
-                height: rows,
-                width: columns,
-            };
+            let y = planes_mut(&mut y, outs, [rows, columns]);
             let residual = self
                 .residual
                 .then(|| planes(residual, outs, [rows, columns]));
-            let method = method.expect("the window is one of those that have a method");
-            method.run(
+            self.method().run(
                 planes(x, inputs, self.size),
                 &kernel,
                 residual,
@@ -252,12 +269,8 @@ fn large_layers_match_the_definition() {
         size: [56, 61],
         ..half
     };
-    for (case, transposed) in [(case, false), (half, false), (up, true)] {
-        let method = match transposed {
-            true => Winograd::transposed(case.window),
-            false => Winograd::conv(case.window),
-        };
-        let method = method.unwrap();
+    for case in [case, half, up] {
+        let method = case.method();
         let [rows, columns] = case.size.map(|size| method.tiles(case.out(size)));
         let inputs = case.channels[0] * method.stride.pow(2);
         assert!(
@@ -299,13 +312,8 @@ fn operations_choose_the_method_where_it_pays() {
         let bias = values(outs, 3);
         let residual = values(outs * rows * columns, 4);
         let expected = case.found(&x, &given, &bias, &residual);
-        let scales = vec![1.0; outs];
-        let weight = match case.transposed {
-            true => transposed_weights(&given, &scales, inputs, case.window),
-            false => conv_weights(&given, &scales, inputs, case.window.kernel),
-        };
         let kernel = Kernel {
-            weight: &Constant::from(weight),
+            weight: &case.packed(&given),
             bias: &bias,
             window: case.window,
             activation: Activation::LeakyRelu,
@@ -316,29 +324,17 @@ fn operations_choose_the_method_where_it_pays() {
                 ..Scratch::default()
             };
             let mut data = vec![f32::NAN; outs * rows * columns];
-            let y = PlanesMut {
-                data: &mut data,
-                channels: outs,
-                height: rows,
-                width: columns,
-            };
+            let y = planes_mut(&mut data, outs, [rows, columns]);
             let chosen = match case.transposed {
                 true => Winograd::of_transposed(case.window, inputs, &y),
                 false => Winograd::of_conv(case.window, inputs, &y),
             };
             assert!(chosen.is_some(), "it pays for {case:?}");
-            let [height, width] = case.size;
-            let planes = |data, channels, height, width| Planes {
-                data,
-                channels,
-                height,
-                width,
-            };
-            let input = planes(&x, inputs, height, width);
+            let input = planes(&x, inputs, case.size);
             match case.transposed {
                 true => conv_transpose2d(input, &kernel, y, &mut scratch),
                 false => {
-                    let residual = Some(planes(&residual, outs, rows, columns));
+                    let residual = Some(planes(&residual, outs, [rows, columns]));
                     conv2d(input, &kernel, residual, y, &mut scratch);
                 }
             }

@@ -2,13 +2,15 @@
 
 mod made;
 
-use made::{corridor, options, scenario};
+use made::{Edges, corridor, options, rectangles, scenario};
 use nalgebra::Point2;
 use nngtl::dataset::maps::{Family, draw_map, draw_start};
 use nngtl::mission::{self, Change, SamplerChoice};
-use nngtl::planner::Stop;
-use nngtl::random::generator;
+use nngtl::planner::{Problem, Stop};
+use nngtl::random::{Random, generator};
 use nngtl::scenario::{GridSpec, Scenario};
+use nngtl::transfer::optimum;
+use rand::RngExt as _;
 
 #[test]
 fn an_ordered_patrol_is_entered_where_the_robot_meets_it() {
@@ -117,6 +119,89 @@ fn on_grids_the_first_step_counts_to_the_loop_where_it_can() {
             "{sampler:?} {cost:?}"
         );
     }
+}
+
+/// A grid of 20 × 20 cells of which some are obstacles and three are places, where the robot may start anywhere else.
+fn drawn_grid(seed: u64) -> Scenario {
+    let mut random = generator(seed, 8);
+    let cells = draw_cells(&mut random, 400, 24);
+    let square = |k: &usize| {
+        let [x, y] = [k / 20, k % 20].map(|i| i as f64);
+        [x, y, x + 1.0, y + 1.0]
+    };
+    let squares: Vec<Edges> = cells.iter().map(square).collect();
+    let names = ["a", "b", "c"];
+    let regions: Vec<_> = names
+        .into_iter()
+        .zip(squares[1..4].iter().copied())
+        .collect();
+    let map = rectangles(20.0, &squares[4..], &regions).unwrap();
+    let start = Point2::new(squares[0][0] + 0.5, squares[0][1] + 0.5);
+    let mut scenario = scenario(map, start, "true");
+    scenario.grid = Some(GridSpec {
+        cells: [20, 20],
+        cell: 1.0,
+    });
+    scenario
+}
+
+/// `count` different numbers below `limit`.
+fn draw_cells(random: &mut Random, limit: usize, count: usize) -> Vec<usize> {
+    let mut drawn = Vec::new();
+    while drawn.len() < count {
+        let k = random.random_range(0..limit);
+        if !drawn.contains(&k) {
+            drawn.push(k);
+        }
+    }
+    drawn
+}
+
+/// On grids what the way there visited becomes part of the loop, and detours are cut short: with any weight a sampled plan costs about
+/// what the plan from the product's optimum does, also where both are far below that.
+#[test]
+fn on_grids_sampled_plans_come_near_the_exact_ones_at_every_weight() {
+    let mut below = 0;
+    for seed in 0..24 {
+        let mut scenario = drawn_grid(seed);
+        let task = [
+            "GF c & (!a U b)",
+            "GF a & F b & (!b U c)",
+            "GF (a & F b) & F c",
+        ];
+        scenario.task = task[seed as usize % 3].to_owned();
+        scenario.formula = scenario.task.parse().unwrap();
+        let Ok(problem) = mission::task(&scenario)
+            .map_err(|e| e.to_string())
+            .and_then(|task| mission::problem(&scenario, task.into()).map_err(|e| e.to_string()))
+        else {
+            continue;
+        };
+        for weight in [0.2, 0.5, 0.8] {
+            scenario.weight = weight;
+            let plan = |sampler| mission::plan(&scenario, &options(sampler, 1_000));
+            let (Ok(exact), Ok(sampled)) =
+                (plan(SamplerChoice::Exact), plan(SamplerChoice::Directed))
+            else {
+                panic!("{seed}: every place can be reached");
+            };
+            let of_product = optimum(&Problem {
+                weight,
+                ..problem.clone()
+            })
+            .unwrap()
+            .1
+            .total;
+            let [exact, sampled] = [exact, sampled].map(|p| p.verified.cost.total);
+            assert!(exact <= of_product + 1e-9, "{seed} {weight}");
+            assert!(
+                sampled < 1.2 * exact + 1e-9,
+                "{seed} {weight}: {sampled} {exact}"
+            );
+            below += usize::from(sampled < 0.7 * of_product);
+        }
+    }
+    assert!(below > 10, "{below}");
 }
 
 #[test]

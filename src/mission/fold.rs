@@ -5,6 +5,7 @@
 //! that round is prefix though it is walked like the others; and with `X` the first step often is. The checker evaluates the
 //! formula on the word of a path and knows no states, so it tells where the loop may begin.
 
+mod moves;
 mod rounds;
 
 use nalgebra::Point2;
@@ -45,6 +46,9 @@ pub(super) fn fold(
     path: &Path,
     known: &Verified,
 ) -> Option<(Path, Verified)> {
+    if scenario.grid.is_some() {
+        return moves::improve(scenario, task, path, known);
+    }
     let mut best = straightened(scenario, task, path, known);
     // A prefix that costs nothing need not be shorter.
     if scenario.weight <= 0.0 {
@@ -70,8 +74,8 @@ fn straightened(
     path: &Path,
     known: &Verified,
 ) -> Option<(Path, Verified)> {
-    // A plan that stays somewhere is taut already, and on grids moves turn where they may.
-    if path.suffix.len() < 3 || scenario.grid.is_some() {
+    // A plan that stays somewhere is taut already.
+    if path.suffix.len() < 3 {
         return None;
     }
     let mut best: Option<(Path, Verified)> = None;
@@ -151,19 +155,14 @@ fn enter(
 fn entries(scenario: &Scenario, path: &Path, cost: Cost) -> Vec<Entry> {
     let weight = scenario.weight;
     let mut entries = Vec::new();
-    let mut walked = 0.0;
+    let walked = walked(&path.prefix, |a, b| (b - a).norm());
     for (leave, from) in path.prefix.iter().enumerate() {
-        if leave > 0 {
-            walked += (from.at - path.prefix[leave - 1].at).norm();
-        }
         for (leg, ends) in path.suffix.windows(2).enumerate() {
             let points = [Some(ends[0].at), nearest(from.at, ends)];
             for at in points.into_iter().flatten() {
-                let prefix = walked + (at - from.at).norm();
+                let prefix = walked[leave] + (at - from.at).norm();
                 let total = weight * prefix + (1.0 - weight) * cost.suffix;
-                // On a grid the prefix goes from cell to cell: only a place that both share will do.
-                let moves = scenario.grid.is_none() || at == from.at;
-                if moves && total < cost.total - 1e-9 * cost.total.max(1.0) {
+                if is_less(total, cost.total) {
                     entries.push(Entry {
                         total,
                         leave,
@@ -178,6 +177,21 @@ fn entries(scenario: &Scenario, path: &Path, cost: Cost) -> Vec<Entry> {
     entries
 }
 
+/// Whether a cost is less by more than rounding.
+fn is_less(cost: f64, limit: f64) -> bool {
+    cost < limit - 1e-9 * limit.max(1.0)
+}
+
+/// How far along the way each point is.
+fn walked(points: &[Waypoint], apart: impl Fn(Point2<f64>, Point2<f64>) -> f64) -> Vec<f64> {
+    let legs = points.windows(2).map(|w| apart(w[0].at, w[1].at));
+    let sums = legs.scan(0.0, |all, leg| {
+        *all += leg;
+        Some(*all)
+    });
+    std::iter::once(0.0).chain(sums).collect()
+}
+
 /// What is seen along each leg of a plan, found once for all of its entries.
 struct Seen<'a> {
     scenario: &'a Scenario,
@@ -187,11 +201,9 @@ struct Seen<'a> {
 }
 
 impl<'a> Seen<'a> {
-    /// `None` where that is not what decides: on grids, and for tasks without a formula.
+    /// `None` where that is not what decides: for tasks without a formula.
     fn new(scenario: &'a Scenario, task: &Task, path: &Path) -> Option<Self> {
-        if scenario.grid.is_some() || task.formula.is_none() {
-            return None;
-        }
+        task.formula.as_ref()?;
         let map = &scenario.workspace;
         let legs = |points: &[Waypoint]| -> Option<Vec<Vec<Props>>> {
             let legs = points.windows(2);

@@ -35,6 +35,7 @@ pub(crate) use chain::Chain;
 use chain::Neighbours;
 use enter::Walk;
 pub(crate) use pull::star_point;
+pub(crate) use reorder::orders;
 use word::KnownWords;
 pub(crate) use word::word_of;
 

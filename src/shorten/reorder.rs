@@ -69,7 +69,7 @@ impl Stops<'_> {
 
 /// Orders of `count` stops that begin with the first one, in which up to [`TOGETHER`] in a row stand elsewhere, or the other
 /// way around (S. Lin, "Computer solutions of the traveling salesman problem", 1965; I. Or's moves of short segments, 1976).
-fn orders(count: usize, to_last: bool) -> Vec<Vec<usize>> {
+pub(crate) fn orders(count: usize, to_last: bool) -> Vec<Vec<usize>> {
     let end = if to_last {
         count.saturating_sub(1)
     } else {

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use nalgebra::Point2;
 
-use super::{Seen, along};
+use super::{Seen, along, is_less, walked};
 use crate::alphabet::Props;
 use crate::automaton::Task;
 use crate::ltl::semantics;
@@ -160,23 +160,14 @@ pub(super) fn begin_earlier(
     best
 }
 
-/// Whether a cost is less by more than rounding.
-fn is_less(cost: f64, limit: f64) -> bool {
-    cost < limit - 1e-9 * limit.max(1.0)
-}
-
 /// All rounds that could make a plan cheaper, the cheapest first.
 fn rounds(scenario: &Scenario, path: &Path, limit: f64) -> Vec<Round> {
     let weight = scenario.weight;
-    let walked = |points: &[Waypoint]| -> Vec<f64> {
-        let legs = points.windows(2).map(|w| (w[1].at - w[0].at).norm());
-        let sum = |all: &mut f64, leg: f64| {
-            *all += leg;
-            Some(*all)
-        };
-        std::iter::once(0.0).chain(legs.scan(0.0, sum)).collect()
-    };
-    let (before, after) = (walked(&path.prefix), walked(&path.suffix));
+    let straight = |a: Point2<f64>, b: Point2<f64>| (b - a).norm();
+    let (before, after) = (
+        walked(&path.prefix, straight),
+        walked(&path.suffix, straight),
+    );
     let whole = before[before.len() - 1];
     let last = path.prefix.len() - 1;
     let mut found = Vec::new();

@@ -1,4 +1,4 @@
-//! Numbers in sentences.
+//! Numbers in sentences, and bytes in digits.
 
 use std::fmt;
 
@@ -16,6 +16,16 @@ impl fmt::Display for Brief {
             write!(f, "{value}")
         }
     }
+}
+
+/// Bytes in hexadecimal digits.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    use fmt::Write as _;
+    let text = String::with_capacity(2 * bytes.len());
+    bytes.iter().fold(text, |mut text, byte| {
+        let _ = write!(text, "{byte:02x}"); // writing to a string cannot fail
+        text
+    })
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ use std::sync::Arc;
 use nalgebra::Point2;
 
 use crate::alphabet::{Alphabet, Letter, LetterSet};
+use crate::number::hex;
 use crate::random::Random;
 use crate::workspace::{Bounds, Workspace};
 
@@ -161,5 +162,5 @@ fn fingerprint(map: &Workspace, grid: &[f64]) -> String {
             hash.update(v.y.to_le_bytes());
         }
     }
-    hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
+    hex(&hash.finalize())
 }

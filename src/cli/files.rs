@@ -8,6 +8,7 @@ use super::args::MissionArgs;
 use super::console::Console;
 use super::failure::Failure;
 use crate::automaton::{Limits, Nba, read_hoa};
+use crate::dataset::{FormulaList, FormulaListError};
 use crate::guidance::Heatmap;
 use crate::plan::write_atomically;
 use crate::render::{heatmap_npy, heatmap_png};
@@ -177,6 +178,23 @@ pub(super) fn automaton(file: &Path, scenario: &Scenario, limits: &Limits) -> Re
     }
 }
 
+/// The formulas of a file, if one is named.
+pub(super) fn formulas(file: Option<&Path>) -> Result<Option<FormulaList>, Failure> {
+    let Some(file) = file else { return Ok(None) };
+    let name = file.display();
+    let text = read_text(file).map_err(|e| Failure::input(format!("{name}: {e}")))?;
+    let list = FormulaList::parse(&text).map_err(|e| {
+        let lines = match &e {
+            FormulaListError::Formula { line, source } => {
+                Some(snippet::show(&source.text, *line, &source.span))
+            }
+            _ => None,
+        };
+        Failure::input(format!("{name}: {e}")).with_snippet(lines)
+    })?;
+    Ok(Some(list))
+}
+
 /// The text of a file of reasonable size.
 fn read_text(file: &Path) -> std::io::Result<String> {
     use std::io::Read as _;
@@ -186,7 +204,7 @@ fn read_text(file: &Path) -> std::io::Result<String> {
         .read_to_string(&mut text)?;
     if text.len() as u64 > MAX_HOA_BYTES {
         let message = format!(
-            "larger than {} MiB, which is no automaton to plan with",
+            "larger than {} MiB, which is no automaton and no list of formulas to plan with",
             MAX_HOA_BYTES >> 20
         );
         return Err(std::io::Error::other(message));

@@ -28,7 +28,9 @@ pub(super) fn run(args: &GenerateArgs, console: &Console) -> Result<(), Failure>
         } else {
             args.families.clone()
         },
-        random_share: args.random_formulas,
+        random_share: args.random_share(),
+        min_steps: args.min_steps,
+        formulas: files::formulas(args.formulas.as_deref())?,
         ..usual
     };
     let config = match args.part {

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::differences::{Difference, differences, listed};
+use super::formulas::FormulaList;
 use super::maps::Family;
 use super::read::{ReadError, digest, read_manifest};
 use super::record::{Counts, Gap, Manifest, ShardEntry, add_counts};
@@ -42,7 +43,7 @@ impl Expert {
 /// The share of formulas that are random syntax trees, where nothing else is said.
 pub const RANDOM_SHARE: f64 = 0.2;
 
-/// What to generate. Map `index` of a set depends on the fields `seed` to `min_length` and on
+/// What to generate. Map `index` of a set depends on the fields `seed` to `formulas` and on
 /// `index` alone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GenerateConfig {
@@ -74,6 +75,10 @@ pub struct GenerateConfig {
     pub expert: Expert,
     /// Plans shorter than this, prefix and suffix together, in map units, are dropped.
     pub min_length: f64,
+    /// Missions whose automaton accepts after fewer steps are dropped.
+    pub min_steps: u32,
+    /// Formulas in the place of random syntax trees.
+    pub formulas: Option<FormulaList>,
 }
 
 impl GenerateConfig {
@@ -99,6 +104,8 @@ impl GenerateConfig {
             weight: 0.2,
             expert: Expert::Exact,
             min_length: 0.01,
+            min_steps: 0,
+            formulas: None,
         }
     }
 
@@ -160,7 +167,13 @@ impl GenerateConfig {
             "min_length": self.min_length,
             "shard_maps": self.shard_maps,
         });
-        // Sets by the usual expert are called as they were when there was no other.
+        // Sets by usual settings are called as they were when there were no others.
+        if self.min_steps > 0 {
+            settings["min_steps"] = json!(self.min_steps);
+        }
+        if let Some(list) = &self.formulas {
+            settings["formulas"] = json!(list.hash());
+        }
         if let Expert::TlRrtStar { iterations } = self.expert {
             settings["expert"] = json!({ "name": "tl-rrt-star", "iterations": iterations });
         }

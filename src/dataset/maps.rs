@@ -36,9 +36,12 @@ const PLACES: usize = 60;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Family {
-    /// The paper's: two large rectangles as obstacles and seven small regions, drawn on a
-    /// 200 × 200 grid (`nngtl.md`, IV-D).
+    /// Two large rectangles as obstacles and seven small regions, drawn on a 200 × 200 grid
+    /// (`nngtl.md`, IV-D, which leaves sizes open).
     Paper,
+    /// As the paper's authors draw them in their published code: a rectangle that lies, one that stands, and
+    /// as regions seven squares of three cells on that grid.
+    Published,
     /// Many small obstacles of all shapes.
     Clutter,
     /// Rooms with doors and corridors.
@@ -55,7 +58,7 @@ pub enum Family {
 
 impl Family {
     /// All families.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Paper,
         Self::Clutter,
         Self::Rooms,
@@ -63,6 +66,7 @@ impl Family {
         Self::Blobs,
         Self::Large,
         Self::Small,
+        Self::Published,
     ];
 
     /// The family's name in data sets.
@@ -70,6 +74,7 @@ impl Family {
     pub fn name(self) -> &'static str {
         match self {
             Self::Paper => "paper",
+            Self::Published => "published",
             Self::Clutter => "clutter",
             Self::Rooms => "rooms",
             Self::Mazes => "mazes",
@@ -146,6 +151,7 @@ pub fn draw_map(family: Family, random: &mut Random) -> MapShapes {
     loop {
         let drawn = match family {
             Family::Paper => paper(random),
+            Family::Published => published(random),
             Family::Clutter => clutter(random),
             Family::Rooms => with_rooms(random),
             Family::Mazes => maze(random),
@@ -185,33 +191,59 @@ pub fn round(p: Point2<f64>) -> Point2<f64> {
 
 type Drawn = Option<(Vec<Polygon>, Vec<Polygon>)>;
 
-fn paper(random: &mut Random) -> Drawn {
-    const CELLS: u32 = 200;
-    let mut rectangle = |low: u32, high: u32, edge: u32| {
-        let (w, h) = (
-            random.random_range(low..=high),
-            random.random_range(low..=high),
-        );
-        let x = random.random_range(edge..=CELLS - edge - w);
-        let y = random.random_range(edge..=CELLS - edge - h);
-        let corner = |x: u32, y: u32| {
-            Point2::new(
-                f64::from(x) / f64::from(CELLS),
-                f64::from(y) / f64::from(CELLS),
-            )
-        };
-        Polygon::rectangle(corner(x, y), corner(x + w, y + h)).ok()
+/// Cells along a side of the paper's maps (`nngtl.md`, IV-D).
+const CELLS: u32 = 200;
+
+/// A rectangle of whole cells, so many wide and high, somewhere at least `edge` cells away from the map's end.
+fn cells(
+    wide: RangeInclusive<u32>,
+    high: RangeInclusive<u32>,
+    edge: u32,
+    random: &mut Random,
+) -> Option<Polygon> {
+    let (w, h) = (random.random_range(wide), random.random_range(high));
+    let x = random.random_range(edge..=CELLS - edge - w);
+    let y = random.random_range(edge..=CELLS - edge - h);
+    let corner = |x: u32, y: u32| {
+        Point2::new(
+            f64::from(x) / f64::from(CELLS),
+            f64::from(y) / f64::from(CELLS),
+        )
     };
-    let obstacles = vec![rectangle(24, 90, 6)?, rectangle(24, 90, 6)?];
+    Polygon::rectangle(corner(x, y), corner(x + w, y + h)).ok()
+}
+
+/// Obstacles with as many regions as there may be, each drawn by `region`.
+fn with_cells(
+    obstacles: Vec<Polygon>,
+    random: &mut Random,
+    region: impl Fn(&mut Random) -> Option<Polygon>,
+) -> Drawn {
     let mut regions: Vec<Polygon> = Vec::new();
     for _ in 0..MAX_REGIONS {
         let place = (0..PLACES).find_map(|_| {
-            let polygon = rectangle(10, 26, 1)?;
+            let polygon = region(random)?;
             is_clear(&polygon, obstacles.iter().chain(&regions)).then_some(polygon)
         });
         regions.push(place?);
     }
     Some((obstacles, regions))
+}
+
+fn paper(random: &mut Random) -> Drawn {
+    let mut large = || cells(24..=90, 24..=90, 6, random);
+    let obstacles = vec![large()?, large()?];
+    with_cells(obstacles, random, |random| {
+        cells(10..=26, 10..=26, 1, random)
+    })
+}
+
+fn published(random: &mut Random) -> Drawn {
+    let obstacles = vec![
+        cells(60..=80, 20..=40, 0, random)?,
+        cells(20..=40, 60..=80, 0, random)?,
+    ];
+    with_cells(obstacles, random, |random| cells(3..=3, 3..=3, 0, random))
 }
 
 fn clutter(random: &mut Random) -> Drawn {

@@ -45,6 +45,8 @@ pub enum Pattern {
     Conjunction,
     /// A random syntax tree (`nngtl.md`, IV-D).
     Random,
+    /// One of the formulas that were given.
+    Given,
 }
 
 impl Pattern {
@@ -83,6 +85,7 @@ impl Pattern {
             Self::CaseStudy => "case-study",
             Self::Conjunction => "conjunction",
             Self::Random => "random",
+            Self::Given => "given",
         }
     }
 }
@@ -225,7 +228,7 @@ fn simple(pattern: Pattern, names: &[String], most: usize, random: &mut Random) 
                 name(0).finally().and(stay)
             }
         }
-        Pattern::CaseStudy | Pattern::Conjunction | Pattern::Random => all(vec![
+        Pattern::CaseStudy | Pattern::Conjunction | Pattern::Random | Pattern::Given => all(vec![
             name(0).finally().globally(),
             name(0).not().until(name(1)),
             name(2).finally(),

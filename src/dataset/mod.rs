@@ -6,6 +6,7 @@
 
 mod blobs;
 mod differences;
+mod formulas;
 mod gap;
 mod generate;
 pub mod maps;
@@ -19,6 +20,7 @@ mod sample;
 mod shapes;
 
 pub use differences::Difference;
+pub use formulas::{FormulaList, FormulaListError};
 pub use generate::{
     Expert, GenerateConfig, GenerateError, MANIFEST, Outcome, Progress, RANDOM_SHARE, generate,
 };

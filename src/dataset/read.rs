@@ -18,6 +18,7 @@ use super::{GenerateConfig, MANIFEST};
 use crate::automaton::{Task, TaskError};
 use crate::guidance::{Guidance, Heatmap};
 use crate::ltl::{Formula, ParseError};
+use crate::number::hex;
 use crate::system::MapLayout;
 use crate::workspace::Workspace;
 
@@ -172,13 +173,7 @@ pub fn read_shard(folder: &Path, shard: &ShardEntry) -> Result<Vec<MapRecord>, R
 
 /// The hex digest that manifests hold.
 pub(super) fn digest(bytes: &[u8]) -> String {
-    use std::fmt::Write;
-    Sha256::digest(bytes)
-        .iter()
-        .fold(String::with_capacity(64), |mut text, byte| {
-            let _ = write!(text, "{byte:02x}"); // writing to a string never fails
-            text
-        })
+    hex(&Sha256::digest(bytes))
 }
 
 /// A mission of a data set, ready for planning.

@@ -11,14 +11,14 @@ use super::missions::{Pattern, draw_pattern, draw_tree};
 use super::record::{
     AutomatonRecord, Counts, MapRecord, MissionRecord, pair, rounded, to_millionth,
 };
-use super::{Expert, GenerateConfig};
+use super::{Expert, FormulaList, GenerateConfig};
 use crate::automaton::{Limits, Task, TaskError};
 use crate::encoding::region_order;
 use crate::exact::{ExactConfig, Infeasible, Roadmap};
 use crate::ltl::Formula;
 use crate::plan::{Path, Waypoint, length};
 use crate::planner::{self, PlanError, Problem, Sampler, Settings, Stop};
-use crate::random::{Random, chance, generator, weighted};
+use crate::random::{Random, chance, choose, generator, weighted};
 use crate::system::{Continuous, MapLayout, TransitionSystem, Ways};
 use crate::verify::verify;
 use crate::workspace::Workspace;
@@ -127,10 +127,11 @@ impl Draw<'_> {
         random: &mut Random,
     ) -> Result<MissionRecord, &'static str> {
         let regions = self.workspace.regions().len();
-        let (pattern, formula) = if tree {
-            (Pattern::Random, draw_tree(regions, random))
-        } else {
-            draw_pattern(regions, random)
+        let given = self.config.formulas.as_ref().map(FormulaList::formulas);
+        let (pattern, formula) = match given.and_then(|given| choose(random, given)) {
+            _ if !tree => draw_pattern(regions, random),
+            Some(given) => (Pattern::Given, given.clone()),
+            None => (Pattern::Random, draw_tree(regions, random)),
         };
         let start = draw_start(self.workspace, random);
         let text = formula.to_string();
@@ -144,6 +145,16 @@ impl Draw<'_> {
             return Err("no region named");
         }
         let task = self.task(&formula, start)?;
+        let pairs = task
+            .feasible
+            .iter()
+            .flat_map(|&f| task.nba.initial.iter().map(move |&q| (q, f)));
+        let steps = pairs
+            .map(|(initial, accepting)| task.distances.to_go(initial, accepting))
+            .min();
+        if steps.is_none_or(|steps| steps < self.config.min_steps) {
+            return Err("too few steps");
+        }
         let plan = match self.config.expert {
             Expert::Exact => self.plan(start, &task)?,
             Expert::TlRrtStar { iterations } => self.sampled(start, &task, iterations, random)?,

@@ -186,6 +186,35 @@ impl Formula {
         names
     }
 
+    /// The formula with other names for its propositions.
+    ///
+    /// # Errors
+    /// The first that `name` has none for.
+    pub fn rename<E>(&self, name: &impl Fn(&str) -> Result<String, E>) -> Result<Self, E> {
+        let one = |a: &Self| a.rename(name).map(Box::new);
+        let two = |a: &Self, b: &Self| Ok((one(a)?, one(b)?));
+        let join = |make: fn(Box<Self>, Box<Self>) -> Self, a: &Self, b: &Self| {
+            two(a, b).map(|(a, b)| make(a, b))
+        };
+        Ok(match self {
+            Self::True => Self::True,
+            Self::False => Self::False,
+            Self::Prop(old) => Self::Prop(name(old)?),
+            Self::Not(a) => Self::Not(one(a)?),
+            Self::Next(a) => Self::Next(one(a)?),
+            Self::Finally(a) => Self::Finally(one(a)?),
+            Self::Globally(a) => Self::Globally(one(a)?),
+            Self::And(a, b) => join(Self::And, a, b)?,
+            Self::Or(a, b) => join(Self::Or, a, b)?,
+            Self::Implies(a, b) => join(Self::Implies, a, b)?,
+            Self::Iff(a, b) => join(Self::Iff, a, b)?,
+            Self::Until(a, b) => join(Self::Until, a, b)?,
+            Self::Release(a, b) => join(Self::Release, a, b)?,
+            Self::WeakUntil(a, b) => join(Self::WeakUntil, a, b)?,
+            Self::StrongRelease(a, b) => join(Self::StrongRelease, a, b)?,
+        })
+    }
+
     /// Whether `X` occurs. Formulas without it cannot tell words apart that differ by stuttering.
     #[must_use]
     pub fn has_next(&self) -> bool {

@@ -53,6 +53,7 @@ use nalgebra::Point2;
 use sha2::{Digest, Sha256};
 
 use crate::ltl::{self, Formula, ParseOptions};
+use crate::number::hex;
 use crate::system::{Grid, GridError};
 use crate::workspace::{Bounds, Place as Whereabouts, Polygon, Region, Workspace};
 
@@ -445,10 +446,6 @@ fn canonical_map(map: &WorkspaceSpec) -> WorkspaceSpec {
         ),
         grid: map.grid,
     }
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
 #[cfg(test)]

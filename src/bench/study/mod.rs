@@ -12,6 +12,7 @@ use super::{
     BenchError, Case, Comparison, Convergence, CostSettings, Descent, Reference, Report, Trial,
     convergence, trials,
 };
+use crate::number::hex;
 use crate::planner::Stop;
 use crate::workspace::Polygon;
 
@@ -183,7 +184,6 @@ impl Study {
 
 /// The digest of what a mission is, bit by bit.
 fn digest(case: &Case) -> String {
-    use std::fmt::Write as _;
     let mut hash = Sha256::new();
     let problem = &case.problem;
     let mut number = |x: f64| hash.update(x.to_bits().to_le_bytes());
@@ -213,11 +213,7 @@ fn digest(case: &Case) -> String {
     hash.update(case.name.as_bytes());
     hash.update([0]);
     hash.update(task.as_bytes());
-    let bytes = hash.finalize();
-    bytes.iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}"); // writing to a string never fails
-        text
-    })
+    hex(&hash.finalize())
 }
 
 #[cfg(test)]

@@ -112,20 +112,26 @@ pub(in crate::cli) struct BenchMissionArgs {
         conflicts_with = "scenarios"
     )]
     pub(in crate::cli) missions: u64,
-    /// Families of the drawn maps and how often each is drawn: paper, clutter, rooms, mazes, blobs, large, small
-    /// [default: paper]
+    /// Families of the drawn maps and how often each is drawn: paper, clutter, rooms, mazes, blobs, large, small, published
+    /// [default: published, which are those of the paper's Table I]
     #[arg(long, value_delimiter = ',', value_parser = family_weight, value_name = "NAME=WEIGHT,…", conflicts_with = "scenarios")]
-    pub(in crate::cli) families: Vec<(Family, f64)>,
-    /// The share of drawn missions whose formula is a random syntax tree, like all of the paper's; the others follow patterns that
-    /// robots use
+    families: Vec<(Family, f64)>,
+    /// The share of drawn missions whose formula is a random syntax tree, like all of the paper's, or one of --formulas; the others
+    /// follow patterns that robots use [default: 1 for the published family alone and with --formulas, else 0.2]
     #[arg(
         long,
         value_name = "SHARE",
         value_parser = share,
-        default_value_t = RANDOM_SHARE,
         conflicts_with = "scenarios"
     )]
-    pub(in crate::cli) random_formulas: f64,
+    random_formulas: Option<f64>,
+    /// Draw from the formulas in this file, one a line over l1 to l7 or a to g, instead of random syntax trees
+    #[arg(long, value_name = "FILE", conflicts_with = "scenarios")]
+    pub(in crate::cli) formulas: Option<PathBuf>,
+    /// Leave out drawn missions whose automaton accepts after fewer steps [default: 2 for the published family alone, as its authors
+    /// did, else 0]
+    #[arg(long, value_name = "N", conflicts_with = "scenarios")]
+    min_steps: Option<u32>,
     /// Seed of the drawn missions, apart from the seeds that the networks were trained on
     #[arg(
         long,
@@ -134,6 +140,37 @@ pub(in crate::cli) struct BenchMissionArgs {
         conflicts_with = "scenarios"
     )]
     pub(in crate::cli) mission_seed: u64,
+}
+
+impl BenchMissionArgs {
+    /// The families to draw from, with their weights.
+    pub(in crate::cli) fn families(&self) -> Vec<(Family, f64)> {
+        match self.families.as_slice() {
+            [] => vec![(Family::Published, 1.0)],
+            some => some.to_vec(),
+        }
+    }
+
+    /// Whether the missions are drawn as the paper's authors drew theirs, but for what the arguments say.
+    fn is_published(&self) -> bool {
+        let families = self.families();
+        families
+            .iter()
+            .all(|&(family, _)| family == Family::Published)
+    }
+
+    /// The share of formulas that follow no pattern.
+    pub(in crate::cli) fn random_share(&self) -> f64 {
+        let all = self.is_published() || self.formulas.is_some();
+        let usual = if all { 1.0 } else { RANDOM_SHARE };
+        self.random_formulas.unwrap_or(usual)
+    }
+
+    /// Missions whose automaton accepts after fewer steps are left out.
+    pub(in crate::cli) fn min_steps(&self) -> u32 {
+        let usual = if self.is_published() { 2 } else { 0 };
+        self.min_steps.unwrap_or(usual)
+    }
 }
 
 /// How costs are followed over time.

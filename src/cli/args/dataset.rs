@@ -52,13 +52,20 @@ pub(in crate::cli) struct GenerateArgs {
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(in crate::cli) seed: u64,
-    /// Families of maps and how often each is drawn: paper, clutter, rooms, mazes, blobs, large, small
+    /// Families of maps and how often each is drawn: paper, clutter, rooms, mazes, blobs, large, small, published
     /// [default: paper=0.55,clutter=0.25,rooms=0.2]
     #[arg(long, value_delimiter = ',', value_parser = family_weight, value_name = "NAME=WEIGHT,…")]
     pub(in crate::cli) families: Vec<(Family, f64)>,
-    /// The share of missions whose formula is a random syntax tree, like the paper's; the others follow patterns that robots use
-    #[arg(long, value_name = "SHARE", value_parser = share, default_value_t = RANDOM_SHARE)]
-    pub(in crate::cli) random_formulas: f64,
+    /// The share of missions whose formula is a random syntax tree, like the paper's, or one of --formulas; the others follow
+    /// patterns that robots use [default: 0.2, with --formulas 1]
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    random_formulas: Option<f64>,
+    /// Draw from the formulas in this file, one a line over l1 to l7 or a to g, instead of random syntax trees
+    #[arg(long, value_name = "FILE")]
+    pub(in crate::cli) formulas: Option<PathBuf>,
+    /// Leave out missions whose automaton accepts after fewer steps
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(in crate::cli) min_steps: u32,
     /// Who plans the missions
     #[arg(long, value_enum, value_name = "NAME", default_value_t = ExpertName::Exact)]
     pub(in crate::cli) expert: ExpertName,
@@ -69,6 +76,18 @@ pub(in crate::cli) struct GenerateArgs {
     /// Threads to use, 0 for one per core
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(in crate::cli) threads: usize,
+}
+
+impl GenerateArgs {
+    /// The share of formulas that follow no pattern.
+    pub(in crate::cli) fn random_share(&self) -> f64 {
+        let usual = if self.formulas.is_some() {
+            1.0
+        } else {
+            RANDOM_SHARE
+        };
+        self.random_formulas.unwrap_or(usual)
+    }
 }
 
 /// Who plans the missions of a data set.

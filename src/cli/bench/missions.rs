@@ -11,6 +11,7 @@ use crate::bench::{Asked, Case, Live, Prediction};
 use crate::cli::args::BenchMissionArgs;
 use crate::cli::console::Console;
 use crate::cli::failure::Failure;
+use crate::cli::files;
 use crate::dataset::maps::Family;
 use crate::dataset::{self, GenerateConfig, LabelledMission};
 use crate::guidance::Guidance;
@@ -90,11 +91,10 @@ fn drawn(args: &BenchMissionArgs, stop: &Stop, console: &Console) -> Result<Vec<
     let config = GenerateConfig {
         to: wanted,
         missions_per_map: 1,
-        families: match args.families.as_slice() {
-            [] => vec![(Family::Paper, 1.0)],
-            some => some.to_vec(),
-        },
-        random_share: args.random_formulas,
+        families: args.families(),
+        random_share: args.random_share(),
+        min_steps: args.min_steps(),
+        formulas: files::formulas(args.formulas.as_deref())?,
         ..GenerateConfig::new("", args.mission_seed, wanted)
     };
     let bar = console.progress(wanted, "drawing");

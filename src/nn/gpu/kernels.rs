@@ -2,7 +2,7 @@
 
 use sha2::{Digest as _, Sha256};
 
-use crate::nn::weights::hex;
+use crate::number::hex;
 
 /// Prepended to every kernel.
 const COMMON: &str = include_str!("../../../shaders/common.wgsl");

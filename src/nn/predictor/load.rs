@@ -12,7 +12,8 @@ use crate::nn::cpu::Session;
 use crate::nn::device::{Backend, DeviceChoice, Estimate};
 use crate::nn::models::Model;
 use crate::nn::program::GraphSize;
-use crate::nn::weights::{WeightError, WeightFile, hex};
+use crate::nn::weights::{WeightError, WeightFile};
+use crate::number::hex;
 
 /// The file names of a model's two networks in its directory.
 pub const MODEL_FILES: [&str; 2] = ["pathnet.safetensors", "statenet.safetensors"];

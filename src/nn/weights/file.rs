@@ -9,6 +9,7 @@ use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
 use sha2::{Digest, Sha256};
 
 use super::{Fault, WeightError};
+use crate::number::hex;
 
 /// A tensor as it stands in a file, its values as `f32`.
 #[derive(Debug, Clone, PartialEq)]
@@ -210,15 +211,4 @@ fn duplicates(header: &[u8]) -> Vec<Fault> {
     reader
         .deserialize_map(Names(Vec::new()))
         .unwrap_or_else(|e| vec![Fault::Structure(e.to_string())])
-}
-
-/// Bytes in hexadecimal.
-pub(crate) fn hex(bytes: &[u8]) -> String {
-    use fmt::Write;
-    bytes
-        .iter()
-        .fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
-            let _ = write!(text, "{byte:02x}"); // writing to a string cannot fail
-            text
-        })
 }

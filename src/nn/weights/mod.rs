@@ -9,7 +9,6 @@ mod random;
 mod source;
 
 pub use fault::{Fault, WeightError};
-pub(crate) use file::hex;
 pub use file::{Tensor, WeightFile};
 pub use source::{
     EdgeWeights, Norm, TensorSource, conv_weights, linear_weights, transposed_weights,

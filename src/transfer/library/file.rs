@@ -12,6 +12,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::super::skill::{Skill, SkillError};
 use super::Library;
+use crate::number::hex;
 use crate::plan::write_atomically;
 use crate::system::TransitionSystem;
 
@@ -298,8 +299,4 @@ impl Library {
             skills: self.skills.iter().map(stored).collect(),
         }
     }
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }

@@ -1,20 +1,23 @@
-//! The automaton as samplers see it: without the transitions that the map rules out.
+//! The automaton as the map allows it: without the transitions that it rules out.
 //!
 //! ρ counts steps on any letters. Where two regions do not touch, no leg leads from one into the other, and a step that needs
-//! their letters one right after the other is none; a sampler that counts on it heads for it for ever. So transitions that are
-//! physically impossible are left out of what is counted (as in X. Luo, Y. Kantaros, M. M. Zavlanos, "An abstraction-free method for
-//! multirobot temporal logic optimal control synthesis", T-RO 2021): those on letters that no walk over the map's letters
-//! meets in their state. Trees grow by the whole automaton.
+//! their letters one right after the other is none; a sampler that counts on it heads for it for ever, and nodes that wait for it
+//! are dead ends. So transitions that are physically impossible are left out (as in X. Luo, Y. Kantaros, M. M. Zavlanos, "An
+//! abstraction-free method for multirobot temporal logic optimal control synthesis", T-RO 2021): those on letters that no walk over the
+//! map's letters meets in their state, and those after which no such walk accepts. Trees grow by what is left, too.
 
 use std::collections::VecDeque;
 
 use super::Problem;
 use crate::alphabet::{Letter, LetterSet};
-use crate::automaton::{Distances, Nba, StateId, Task, Transition};
+use crate::automaton::{Distances, Nba, StateId, Task, Transition, components};
 use crate::workspace::Workspace;
 
 /// Of products of states and letters that are larger, nothing is removed.
 const MAX_PAIRS: usize = 100_000;
+
+/// Where walks have more steps, what no walk accepts after is not looked for.
+const MAX_STEPS: usize = 2_000_000;
 
 /// The task with fewer transitions and the same states; `None` if none can be removed.
 pub(super) fn advice(problem: &Problem) -> Option<Task> {
@@ -22,17 +25,22 @@ pub(super) fn advice(problem: &Problem) -> Option<Task> {
     if nba.len() * nba.alphabet.len() > MAX_PAIRS {
         return None;
     }
-    let met = letters_met(nba, problem.start.letter, &neighbours(map, problem));
+    let walks = Walks::new(problem, neighbours(map, problem));
     let mut removed = false;
-    let mut keep = |(q, transition): (usize, &Transition)| {
-        let guard = transition.guard.intersection(&met[q]);
+    let mut keep = |(q, transition): (StateId, &Transition)| {
+        let (target, mut guard) = (transition.target, nba.alphabet.none());
+        for letter in transition.guard.iter() {
+            if walks.accepts_after(q, letter, target) {
+                guard.insert(letter);
+            }
+        }
         removed |= guard != transition.guard;
-        let target = transition.target;
         (!guard.is_empty()).then_some(Transition { target, guard })
     };
-    let transitions = (0..nba.len())
+    let transitions = nba
+        .states()
         .map(|q| {
-            nba.transitions[q]
+            nba.outgoing(q)
                 .iter()
                 .filter_map(|t| keep((q, t)))
                 .collect()
@@ -46,7 +54,7 @@ pub(super) fn advice(problem: &Problem) -> Option<Task> {
         ..nba.clone()
     };
     let task = Task::from_trimmed(less, problem.task.formula.clone());
-    // Letters that touch at corners alone are not seen as neighbours: that must not end a search.
+    // A task that no walk fulfils is none that samplers can be advised on.
     let leads = |q: &StateId| {
         let goal = |&f: &StateId| task.distances.to_go(*q, f) != Distances::INFINITE;
         task.feasible.iter().any(goal)
@@ -92,6 +100,30 @@ fn neighbours(map: &Workspace, problem: &Problem) -> Vec<Vec<Letter>> {
     alphabet.letters().map(to).collect()
 }
 
+/// Walks over the map's letters, with the states that the automaton can be in.
+struct Walks {
+    /// For each letter those that a leg may lead to.
+    near: Vec<Vec<Letter>>,
+    /// For each state the letters that some walk has in it from which one accepts.
+    live: Vec<LetterSet>,
+}
+
+impl Walks {
+    fn new(problem: &Problem, near: Vec<Vec<Letter>>) -> Self {
+        let nba = &problem.task.nba;
+        let met = letters_met(nba, problem.start.letter, &near);
+        let live = letters_live(&problem.task, &met, &near).unwrap_or(met);
+        Self { near, live }
+    }
+
+    /// Whether some walk that accepts is in state `q` on this letter, and in state `target` next.
+    fn accepts_after(&self, q: StateId, letter: Letter, target: StateId) -> bool {
+        let mut next = self.near[letter.index()].iter();
+        let live = &self.live[target.index()];
+        self.live[q.index()].contains(letter) && next.any(|&beside| live.contains(beside))
+    }
+}
+
 /// For each state the letters that some walk has in it.
 fn letters_met(nba: &Nba, start: Letter, near: &[Vec<Letter>]) -> Vec<LetterSet> {
     let mut met = vec![nba.alphabet.none(); nba.len()];
@@ -115,6 +147,59 @@ fn letters_met(nba: &Nba, start: Letter, near: &[Vec<Letter>]) -> Vec<LetterSet>
     met
 }
 
+/// For each state the letters of `met` from which some walk accepts; `None` if there are too many steps to look at.
+fn letters_live(task: &Task, met: &[LetterSet], near: &[Vec<Letter>]) -> Option<Vec<LetterSet>> {
+    let nba = &task.nba;
+    let letters = nba.alphabet.len();
+    let pair = |q: StateId, letter: Letter| q.index() * letters + letter.index();
+    let pairs: Vec<(StateId, Letter)> = nba
+        .states()
+        .flat_map(|q| met[q.index()].iter().map(move |letter| (q, letter)))
+        .collect();
+    let steps = |&(q, letter): &(StateId, Letter)| {
+        nba.successors(q, letter).count() * near[letter.index()].len()
+    };
+    if pairs.iter().map(steps).sum::<usize>() > MAX_STEPS {
+        return None;
+    }
+    let mut number = vec![u32::MAX; nba.len() * letters];
+    for (i, &(q, letter)) in pairs.iter().enumerate() {
+        number[pair(q, letter)] = i as u32;
+    }
+    let after = |i: usize| {
+        let (q, letter) = pairs[i];
+        let number = &number;
+        nba.successors(q, letter).flat_map(move |next| {
+            let beside = near[letter.index()].iter();
+            beside.map(move |&beside| number[pair(next, beside)] as usize)
+        })
+    };
+    let component = components(pairs.len(), after);
+    let count = component.iter().max().map_or(0, |&last| last as usize + 1);
+    // What a component's cycles have, if it has any.
+    let (mut cycles, mut accepts) = (vec![false; count], vec![false; count]);
+    for (i, &of) in component.iter().enumerate() {
+        cycles[of as usize] |= after(i).any(|next| component[next] == of);
+        accepts[of as usize] |= nba.is_accepting(pairs[i].0);
+    }
+    let mut lives: Vec<bool> = cycles.iter().zip(accepts).map(|(&c, a)| c && a).collect();
+    // Steps lead to smaller numbers.
+    let mut order: Vec<usize> = (0..pairs.len()).collect();
+    order.sort_by_key(|&i| component[i]);
+    for i in order {
+        if after(i).any(|next| lives[component[next] as usize]) {
+            lives[component[i] as usize] = true;
+        }
+    }
+    let mut live = vec![nba.alphabet.none(); nba.len()];
+    for (i, (q, letter)) in pairs.into_iter().enumerate() {
+        if lives[component[i] as usize] {
+            live[q.index()].insert(letter);
+        }
+    }
+    Some(live)
+}
+
 #[cfg(test)]
 mod tests {
     use std::sync::Arc;
@@ -123,6 +208,7 @@ mod tests {
 
     use super::*;
     use crate::automaton::Limits;
+    use crate::planner::{Sampler, Settings, Stop, plan};
     use crate::system::Continuous;
     use crate::workspace::{Bounds, Polygon, Region};
 
@@ -174,5 +260,47 @@ mod tests {
         let touching = problem(0.0, direct);
         let found = advice(&touching).map_or(edges(&touching.task.nba), |t| edges(&t.nba));
         assert!(found.iter().any(|e| e.1 != e.0));
+    }
+
+    /// To stay in `a` and `b` together, seeing `b` again and again, is to stay in `b` where the two do not touch: nothing comes of it
+    /// in `a`.
+    #[test]
+    fn what_no_walk_accepts_after_is_left_out() {
+        let steps_on_a = |gap: f64| {
+            let problem = problem(gap, "F G (a U b)");
+            let advised = advice(&problem);
+            let nba = advised.as_ref().map_or(&problem.task.nba, |task| &task.nba);
+            let a = nba.alphabet.letters_with(0).iter().next().unwrap();
+            let steps = nba
+                .states()
+                .flat_map(|q| nba.outgoing(q).iter().map(move |t| (q, t)));
+            steps
+                .filter(|(q, t)| *q != t.target && t.guard.contains(a))
+                .count()
+        };
+        assert_eq!(steps_on_a(0.1), 0);
+        assert!(steps_on_a(0.0) > 0);
+    }
+
+    /// A search that went to `a` first would have to find by chance that it must leave it again.
+    #[test]
+    fn no_sample_is_spent_on_what_leads_nowhere() {
+        let problem = problem(0.3, "F G (a U b)");
+        for seed in 0..20 {
+            let settings = Settings {
+                first: true,
+                iterations: 4,
+                seed,
+                ..Settings::default()
+            };
+            plan(
+                &problem,
+                &Sampler::Directed,
+                &settings,
+                &Stop::new(),
+                &mut |_| {},
+            )
+            .unwrap();
+        }
     }
 }

@@ -10,7 +10,6 @@ use std::time::{Duration, Instant};
 
 use rustc_hash::FxHashMap;
 
-use super::advice::advice;
 use super::parallel::{self, Race};
 use super::polish::Polish;
 use super::sampler::{Ahead, Aim, Sampler};
@@ -21,7 +20,6 @@ use super::tree::{NodeId, Tree};
 use super::{
     EndReason, First, NotFound, PlanError, Problem, Progress, Solution, Stats, staying_accepts,
 };
-use crate::automaton::Task;
 use crate::plan::{Cost, Path, Waypoint};
 use crate::random::{Random, generator};
 pub(super) use ground::Ground;
@@ -134,8 +132,6 @@ struct Best {
 pub(super) struct Search<'a> {
     ground: &'a Ground<'a>,
     problem: &'a Problem,
-    /// The task as samplers see it, if that is another one.
-    advice: Option<Task>,
     /// Who proposes points now.
     sampler: Sampler,
     /// Who does so later, if that is decided later.
@@ -178,7 +174,8 @@ impl<'a> Search<'a> {
     ) -> Self {
         let problem = ground.problem();
         let nba = &problem.task.nba;
-        let mut prefix = Tree::new(&*problem.system, nba, problem.start, &nba.initial);
+        let grown = &ground.advised().nba;
+        let mut prefix = Tree::new(&*problem.system, grown, problem.start, &grown.initial);
         prefix.pass_on_at_most(ALLOWANCE + nba.len() / 4);
         if (LONG..u64::MAX).contains(&settings.iterations) {
             prefix.expect(settings.iterations);
@@ -189,7 +186,6 @@ impl<'a> Search<'a> {
         Self {
             ground,
             problem,
-            advice: advice(problem),
             sampler: ground.sampler(sampler),
             ahead: Ahead::of(sampler),
             settings,
@@ -301,10 +297,7 @@ impl<'a> Search<'a> {
         let grown = match beacon {
             Some(at) => grow_to(self.problem, self.settings, &mut self.prefix, at),
             None => grow(
-                (
-                    self.problem,
-                    self.advice.as_ref().unwrap_or(&self.problem.task),
-                ),
+                (self.problem, self.ground.advised()),
                 &self.sampler,
                 self.settings,
                 &mut self.prefix,
@@ -327,10 +320,7 @@ impl<'a> Search<'a> {
         suffix.iterations += 1;
         self.suffix_iterations += 1;
         let grown = grow(
-            (
-                self.problem,
-                self.advice.as_ref().unwrap_or(&self.problem.task),
-            ),
+            (self.problem, self.ground.advised()),
             &self.sampler,
             self.settings,
             &mut suffix.tree,

@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 use crate::automaton::{Copies, StateId, Task};
 use crate::plan::Path;
 use crate::planner::Problem;
+use crate::planner::advice::advice;
 use crate::planner::informed::Relaxed;
 use crate::planner::sampler::Sampler;
 
@@ -15,6 +16,8 @@ pub(crate) struct Ground<'a> {
     problem: Cow<'a, Problem>,
     /// For each state of the automaton the one of the problem's that it stands for, if that is another automaton.
     origin: Option<Vec<StateId>>,
+    /// The task as the map allows it, if that is another one.
+    advised: Option<Task>,
     relaxed: OnceLock<Option<Arc<Relaxed>>>,
 }
 
@@ -22,6 +25,7 @@ impl<'a> Ground<'a> {
     pub(crate) fn of(problem: &'a Problem) -> Self {
         let Some(Copies { nba, origin }) = Copies::of(&problem.task.nba) else {
             return Self {
+                advised: advice(problem),
                 problem: Cow::Borrowed(problem),
                 origin: None,
                 relaxed: OnceLock::new(),
@@ -33,6 +37,7 @@ impl<'a> Ground<'a> {
             ..problem.clone()
         };
         Self {
+            advised: advice(&problem),
             problem: Cow::Owned(problem),
             origin: Some(origin),
             relaxed: OnceLock::new(),
@@ -47,6 +52,11 @@ impl<'a> Ground<'a> {
             Relaxed::of(map, nba, feasible).map(Arc::new)
         };
         self.relaxed.get_or_init(make).as_ref()
+    }
+
+    /// The task without what the map rules out: what trees grow by and samplers count on.
+    pub(super) fn advised(&self) -> &Task {
+        self.advised.as_ref().unwrap_or(&self.problem.task)
     }
 
     pub(crate) fn problem(&self) -> &Problem {

@@ -9,6 +9,12 @@ cd "$(dirname "$0")"
 readonly unpacked="$PWD/target/vulkan"
 readonly packages=(mesa-vulkan-drivers libvulkan1)
 
+# Mesa complains on each start where sessions have no folder of their own, as in containers.
+if [[ -z "${XDG_RUNTIME_DIR:-}" ]]; then
+    export XDG_RUNTIME_DIR="$PWD/target/run"
+    mkdir -p -m 700 "$XDG_RUNTIME_DIR"
+fi
+
 say() {
     printf 'test.sh: %s\n' "$*" >&2
 }

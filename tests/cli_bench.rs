@@ -63,6 +63,41 @@ fn drawn_missions_are_compared_and_empty_classes_told() {
 }
 
 #[test]
+fn formulas_come_from_a_file_and_its_errors_have_lines() {
+    let folder = folder();
+    let file = folder.path().join("formulas.txt");
+    let path = file.display().to_string();
+    let run = |text: &str| {
+        std::fs::write(&file, text).unwrap();
+        let few = [
+            "bench",
+            "--missions",
+            "3",
+            "--trials",
+            "1",
+            "--samplers",
+            "biased",
+        ];
+        nngtl(&[&few[..], &["--formulas", &path, "-q", "--json"]].concat())
+    };
+    // Of these the first accepts after one step, which the published missions leave out.
+    let given = run("# patrols and visits\nF a\nGF l2 & GF l3\n").json();
+    let trials = given["trials"].as_array().unwrap();
+    assert_eq!(trials.len(), 3);
+    assert!(trials.iter().all(|t| t["family"] == "published"), "{given}");
+    for (text, words) in [
+        ("F a\nG (b\n", "line 2"),
+        ("F a\nG (b\n", "^"),
+        ("F kitchen\n", "no region `kitchen`"),
+        ("\n", "no formula"),
+    ] {
+        let wrong = run(text);
+        assert_eq!(wrong.code, 2, "{wrong:?}");
+        assert!(wrong.err.contains(words), "{words}: {}", wrong.err);
+    }
+}
+
+#[test]
 fn two_reports_differ_in_times_alone() {
     let folders = [folder(), folder()];
     for folder in &folders {

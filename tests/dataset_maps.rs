@@ -69,6 +69,23 @@ fn the_papers_maps_have_two_obstacles_and_seven_regions_on_a_grid_of_200() {
 }
 
 #[test]
+fn published_maps_have_squares_of_three_cells_and_a_lying_and_a_standing_obstacle() {
+    let cells = |p: &Polygon| {
+        let (low, high) = (p.min(), p.max());
+        [high.x - low.x, high.y - low.y].map(|side| (side * 200.0).round() as u32)
+    };
+    for seed in 0..MAPS {
+        let map = draw_map(Family::Published, &mut generator(seed, 0));
+        assert!(map.regions.iter().all(|r| cells(r) == [3, 3]));
+        assert_eq!((map.obstacles.len(), map.regions.len()), (2, MAX_REGIONS));
+        let sides = [cells(&map.obstacles[0]), cells(&map.obstacles[1])];
+        for (long, short) in [(sides[0][0], sides[0][1]), (sides[1][1], sides[1][0])] {
+            assert!((60..=80).contains(&long) && (20..=40).contains(&short));
+        }
+    }
+}
+
+#[test]
 fn nearly_every_map_can_be_reached_as_a_whole() {
     let mut whole = 0;
     each_map(|seed, map| {

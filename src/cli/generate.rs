@@ -28,6 +28,8 @@ pub(super) fn run(args: &GenerateArgs, console: &Console) -> Result<(), Failure>
         } else {
             args.families.clone()
         },
+        to: args.missions.div_ceil(args.per_map),
+        missions_per_map: args.per_map as usize,
         random_share: args.random_share(),
         min_steps: args.min_steps,
         formulas: files::formulas(args.formulas.as_deref())?,

@@ -40,6 +40,9 @@ impl Expert {
     pub const PAPER_ITERATIONS: u64 = 10_000;
 }
 
+/// How many missions are drawn on each map, where nothing else is said.
+pub const MISSIONS_PER_MAP: usize = 6;
+
 /// The share of formulas that are random syntax trees, where nothing else is said.
 pub const RANDOM_SHARE: f64 = 0.2;
 
@@ -89,7 +92,7 @@ impl GenerateConfig {
         Self {
             out: out.into(),
             from: 0,
-            to: missions.div_ceil(6),
+            to: missions.div_ceil(MISSIONS_PER_MAP as u64),
             shard_maps: 100,
             threads: 0,
             seed,
@@ -98,7 +101,7 @@ impl GenerateConfig {
                 (Family::Clutter, 0.25),
                 (Family::Rooms, 0.2),
             ],
-            missions_per_map: 6,
+            missions_per_map: MISSIONS_PER_MAP,
             random_share: RANDOM_SHARE,
             max_states: 60,
             weight: 0.2,

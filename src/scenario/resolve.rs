@@ -52,10 +52,14 @@ pub(super) fn resolve(
         None => None,
     };
     let missing = |what: &str| Kind::Syntax(format!("missing field `{what}`"));
-    let bounds = match (workspace.bounds, &map) {
-        (Some([min, max]), _) => [min.map(|c| c + radius), max.map(|c| c - radius)],
-        (None, Some(map)) => [map.bounds.min.into(), map.bounds.max.into()],
-        (None, None) => {
+    let grid = workspace
+        .grid
+        .filter(|g| g.cell > 0.0 && !g.cells.contains(&0));
+    let bounds = match (workspace.bounds, &map, grid) {
+        (Some([min, max]), ..) => [min.map(|c| c + radius), max.map(|c| c - radius)],
+        (None, Some(map), _) => [map.bounds.min.into(), map.bounds.max.into()],
+        (None, None, Some(grid)) => [[0.0; 2], grid.cells.map(|n| f64::from(n) * grid.cell)],
+        (None, None, None) => {
             let kind = missing("bounds` in `workspace");
             return Err(fail(kind, &[Step::Key("workspace")]));
         }

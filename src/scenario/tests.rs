@@ -302,6 +302,30 @@ fn a_file_without_name_is_called_like_the_file() {
 }
 
 #[test]
+fn a_grid_says_how_large_its_map_is() {
+    let with = |workspace: &str| {
+        load_as(
+            "toml",
+            &format!("start = [0.25, 0.25]\ntask = \"true\"\n[workspace]\n{workspace}\n"),
+        )
+    };
+    let s = with("grid = { cells = [4, 2], cell = 0.5 }").unwrap();
+    let bounds = s.workspace.bounds();
+    assert_eq!(
+        (bounds.min, bounds.max),
+        (Point2::origin(), Point2::new(2.0, 1.0))
+    );
+    for nothing in [
+        "grid = { cells = [0, 2], cell = 0.5 }",
+        "grid = { cells = [4, 2], cell = -1.0 }",
+        "",
+    ] {
+        let error = with(nothing).unwrap_err().to_string();
+        assert!(error.contains("missing field `bounds`"), "{error}");
+    }
+}
+
+#[test]
 fn a_start_on_a_grid_is_its_cells_centre() {
     for (cells, cell) in [(10, 0.1), (20, 0.05), (5, 0.2), (25, 0.04)] {
         for k in 0..cells {

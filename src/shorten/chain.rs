@@ -6,6 +6,7 @@ use smallvec::{SmallVec, smallvec};
 use super::pull::{Line, least, mirror, star_point, taut};
 use super::{Shortener, inward_normal, word_of};
 use crate::plan::Path;
+use crate::workspace::Side;
 
 /// Weights of prefix and suffix below this count as this much in refinement, so that a part of no
 /// weight is tidy too.
@@ -102,6 +103,15 @@ impl Shortener<'_> {
     }
 
     fn sweep(&self, chain: &mut Chain, sweeps: usize) {
+        if sweeps == 0 {
+            return;
+        }
+        // Far off these would draw the visits before them to the wrong sides of their regions.
+        for i in (1..chain.points.len()).rev() {
+            if self.is_way_out(chain.points[i], &self.neighbours(chain, i)) {
+                self.slide(chain, i);
+            }
+        }
         let mut still = self.still.borrow_mut();
         still.clear();
         for _ in 0..sweeps {
@@ -223,6 +233,12 @@ impl Shortener<'_> {
             _ => least(a, b, &star),
         };
         let mut places = self.places(at, &best);
+        if self.is_way_out(at, &neighbours) {
+            // It is best beside the border that was crossed, however far it went.
+            for &(from, _) in &neighbours {
+                places.extend(self.places(from, &best));
+            }
+        }
         if let [(a, v), (b, w), (c, x)] = neighbours[..] {
             // Where the suffix is entered nothing may hold the point but its three legs.
             let free = star_point([a, b, c], [v, w, x]);
@@ -263,6 +279,21 @@ impl Shortener<'_> {
             }
         }
         false
+    }
+
+    /// Whether a point is outside regions because one has to be left: where the robot stays, or comes back from to where it was.
+    fn is_way_out(&self, at: Point2<f64>, neighbours: &[Neighbour]) -> bool {
+        let class = |p| self.map.letter_at(p).map(|l| self.classes[l.index()]);
+        let within = |p: Point2<f64>| {
+            self.regions
+                .iter()
+                .any(|r| r.side_of(p, 0.0) != Side::Outside)
+        };
+        match *neighbours {
+            [(from, _)] => !within(at) && within(from),
+            [(from, _), (to, _)] => !within(at) && within(from) && class(from) == class(to),
+            _ => false,
+        }
     }
 
     /// From a neighbour to the new place of a point, which is free: straight if the way is, else taut.

@@ -80,12 +80,14 @@ impl Shortener<'_> {
             let along = (b - a) / length;
             let off = |p: Point2<f64>| along.perp(&(p - a));
             let [s, t] = [first, second].map(|p| along.dot(&(p - a)));
-            // Both stay beside the edge, not beyond its ends.
+            // Both stay beside the edge, no nearer to its ends than they are.
+            let margin = 1.5 * self.inset;
             let (low, high) = (
-                1.5 * self.inset - s.min(t),
-                length - 1.5 * self.inset - s.max(t),
+                (margin - s.min(t)).min(0.0),
+                (length - margin - s.max(t)).max(0.0),
             );
-            let crossed = off(first) * off(second) < 0.0 && low <= 0.0 && high >= 0.0;
+            let is_beside = |s: f64| (0.0..=length).contains(&s);
+            let crossed = off(first) * off(second) < 0.0 && is_beside(s) && is_beside(t);
             crossed.then(|| [first + along * low, first + along * high])
         })
     }

@@ -128,6 +128,37 @@ fn visits_that_touch_a_border_slide_along_it() {
 }
 
 #[test]
+fn who_leaves_a_region_stops_beside_it() {
+    let map = map(&[], &[rectangle(0.4, 0.4, 0.5, 0.5)]);
+    // Staying outside, far from where it was left; and back in from there.
+    let there = p(0.42, 0.45);
+    let out = path(&[p(0.1, 0.45), there, p(0.9, 0.1)], &[p(0.9, 0.1)]);
+    let back = path(&[p(0.1, 0.45), there, p(0.6, 0.9), there], &[there]);
+    for (task, given, length) in [
+        ("F(l1 & F G !l1)", &out, 0.3),
+        ("F(l1 & F(!l1 & F l1))", &back, 0.3),
+    ] {
+        let cost = shorten(&map, task, given, 0.2);
+        assert!((cost.prefix - length).abs() < 1e-4, "{task}: {cost:?}");
+    }
+}
+
+/// From nearer to a corner than waypoints come by themselves, too.
+#[test]
+fn a_loop_across_a_border_slides_along_all_of_it() {
+    let map = map(&[], &[rectangle(0.4, 0.6, 0.6, 0.8)]);
+    let inset = 1e-6;
+    let [out, within] = [
+        p(0.6 - 1.2 * inset, 0.6 - inset),
+        p(0.6 - 1.1 * inset, 0.6 + inset),
+    ];
+    let given = path(&[p(0.1, 0.3), out], &[out, within, out]);
+    let cost = shorten(&map, "GF l1 & GF !l1", &given, 0.2);
+    let straight = (p(0.4, 0.6) - p(0.1, 0.3)).norm();
+    assert!((cost.prefix - straight).abs() < 1e-4, "{cost:?} {straight}");
+}
+
+#[test]
 fn avoided_regions_are_gone_round() {
     let map = map(
         &[],

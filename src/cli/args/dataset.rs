@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
-use crate::dataset::RANDOM_SHARE;
 use crate::dataset::maps::{Family, UnknownFamily};
+use crate::dataset::{MISSIONS_PER_MAP, RANDOM_SHARE};
 
 /// A family of maps, with its weight if that is not 1.
 pub(super) fn family_weight(text: &str) -> Result<(Family, f64), String> {
@@ -46,9 +46,12 @@ pub(in crate::cli) struct GenerateArgs {
     /// The folder to write to; what is already there is kept, completed and extended
     #[arg(long, value_name = "DIR")]
     pub(in crate::cli) out: PathBuf,
-    /// How many missions to draw, six on each map, rounded up to whole maps
+    /// How many missions to draw, rounded up to whole maps
     #[arg(long, value_name = "N", default_value_t = 6000, value_parser = clap::value_parser!(u64).range(1..))]
     pub(in crate::cli) missions: u64,
+    /// Missions on each map
+    #[arg(long, value_name = "N", default_value_t = MISSIONS_PER_MAP as u64, value_parser = clap::value_parser!(u64).range(1..))]
+    pub(in crate::cli) per_map: u64,
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(in crate::cli) seed: u64,
@@ -70,7 +73,7 @@ pub(in crate::cli) struct GenerateArgs {
     #[arg(long, value_enum, value_name = "NAME", default_value_t = ExpertName::Exact)]
     pub(in crate::cli) expert: ExpertName,
     /// Make one part of several alone, counted from 1, each in a folder of its own (a cluster's job array);
-    /// `nngtl dataset merge` puts them together. A part is at least one shard, 600 missions (fewer in the last)
+    /// `nngtl dataset merge` puts them together. A part is at least one shard of 100 maps (fewer in the last)
     #[arg(long, value_name = "K/N", value_parser = part_of)]
     pub(in crate::cli) part: Option<(u64, u64)>,
     /// Threads to use, 0 for one per core

@@ -145,7 +145,10 @@ fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Fa
             dataset::labelled_missions(path).map_err(|e| Failure::input(e.to_string()))?;
         for mission in missions.take(limit) {
             match mission {
-                Ok(mission) => found.push(Mission::labelled(mission, found.len())?),
+                Ok(mission) => match Mission::labelled(mission, found.len()) {
+                    Ok(mission) => found.push(mission),
+                    Err(e) => skip(e.to_string()),
+                },
                 Err(e) => skip(e.to_string()),
             }
         }

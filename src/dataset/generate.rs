@@ -16,7 +16,7 @@ use super::formulas::FormulaList;
 use super::maps::Family;
 use super::read::{ReadError, digest, read_manifest};
 use super::record::{Counts, Gap, Manifest, ShardEntry, add_counts};
-use super::sample::{Sample, draw_sample};
+use super::sample::{Barren, NoSample, Sample, draw_sample};
 use crate::plan::write_atomically;
 
 /// The manifest's name in a data set's directory.
@@ -258,6 +258,9 @@ pub enum GenerateError {
     /// The manifest that is there cannot be read.
     #[error(transparent)]
     Manifest(Box<ReadError>),
+    /// What was asked for allows too few missions.
+    #[error(transparent)]
+    Barren(#[from] Barren),
     /// The threads could not be started.
     #[error("worker threads could not be started: {0}")]
     Threads(String),
@@ -305,7 +308,7 @@ pub fn generate(
             continue;
         }
         let to = config.shard_end(from);
-        let samples: Option<Vec<(Sample, Gap)>> = pool.install(|| {
+        let samples: Result<Vec<(Sample, Gap)>, NoSample> = pool.install(|| {
             let draw = |index| {
                 let sample = draw_sample(config, index, stop)?;
                 let gap = Gap::of_map(&sample.record, config.weight);
@@ -314,12 +317,14 @@ pub fn generate(
                     done.missions += sample.record.missions.len() as u64;
                     progress(&done);
                 }
-                Some((sample, gap))
+                Ok((sample, gap))
             };
             (from..to).into_par_iter().map(draw).collect()
         });
-        let Some(samples) = samples else {
-            return Ok(Outcome::Stopped(config.manifest(&shards)));
+        let samples = match samples {
+            Ok(samples) => samples,
+            Err(NoSample::Stopped) => return Ok(Outcome::Stopped(config.manifest(&shards))),
+            Err(NoSample::Barren(barren)) => return Err(barren.into()),
         };
         if let Some(short) = shards.iter().position(|s| s.from == from) {
             // Its file is written over: a manifest that still lists it would then be wrong.

@@ -30,6 +30,8 @@ pub use read::{
     LabelledMission, ReadError, drawn_missions, missions as labelled_missions, read_manifest,
     read_shard,
 };
+pub use sample::Barren;
+
 pub use record::{
     AutomatonRecord, Counts, FORMAT, Gap, Manifest, MapRecord, MissionRecord, Pair, RecordError,
     ShardEntry, pair, point,

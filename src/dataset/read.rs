@@ -13,7 +13,7 @@ use sha2::{Digest, Sha256};
 
 use super::maps::Family;
 use super::record::{FORMAT, Manifest, MapRecord, MissionRecord, RecordError, ShardEntry, point};
-use super::sample::{draw_sample, translate};
+use super::sample::{Barren, NoSample, draw_sample, translate};
 use super::{GenerateConfig, MANIFEST};
 use crate::automaton::{Task, TaskError};
 use crate::guidance::{Guidance, Heatmap};
@@ -32,6 +32,9 @@ const LABEL_SPREAD: f64 = 0.015;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadError {
+    /// What was asked for allows too few missions.
+    #[error(transparent)]
+    Barren(#[from] Barren),
     /// A file is missing or unreadable.
     #[error("{path}: {source}")]
     Io {
@@ -265,13 +268,29 @@ pub fn missions(
 /// `stop` is set.
 ///
 /// # Errors
-/// As [`missions`]'s items; none is expected of maps that were just drawn.
+/// Where what is asked for allows too few missions; no other is expected of maps that were just drawn.
 pub fn drawn_missions<'a>(
     config: &'a GenerateConfig,
     stop: &'a AtomicBool,
 ) -> impl Iterator<Item = Result<LabelledMission, ReadError>> + 'a {
-    let samples = (config.from..config.to).map_while(|index| draw_sample(config, index, stop));
-    samples.flat_map(|sample| map_missions(Path::new("drawn maps"), sample.record))
+    let mut barren = false;
+    let samples = (config.from..config.to).map_while(move |index| {
+        if barren {
+            return None;
+        }
+        match draw_sample(config, index, stop) {
+            Ok(sample) => Some(Ok(sample)),
+            Err(NoSample::Stopped) => None,
+            Err(NoSample::Barren(e)) => {
+                barren = true;
+                Some(Err(e))
+            }
+        }
+    });
+    samples.flat_map(|sample| match sample {
+        Ok(sample) => map_missions(Path::new("drawn maps"), sample.record),
+        Err(e) => vec![Err(e.into())],
+    })
 }
 
 fn map_missions(path: &Path, map: MapRecord) -> Vec<Result<LabelledMission, ReadError>> {

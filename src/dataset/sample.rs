@@ -26,26 +26,55 @@ use crate::workspace::Workspace;
 /// Missions drawn on one map, per mission wanted, before the map is drawn anew.
 const DRAWS: usize = 40;
 
+/// So many maps are given up one after the other before a sample is.
+const MAPS: u64 = 100;
+
+/// Why there is no sample.
+pub(super) enum NoSample {
+    /// It was told to stop.
+    Stopped,
+    /// Nothing fits what was asked for.
+    Barren(Barren),
+}
+
+/// What was asked for allows too few missions, or none.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "no map in {maps} has room for the missions that were asked for (dropped: {}): allow other formulas, more families, fewer steps or fewer missions on a map",
+    listed(filtered)
+)]
+pub struct Barren {
+    /// How many maps were drawn one after the other.
+    pub maps: u64,
+    /// How many maps and missions were dropped, by reason.
+    pub filtered: Counts,
+}
+
+fn listed(counts: &Counts) -> String {
+    let texts = counts.iter().map(|(reason, n)| format!("{n} {reason}"));
+    texts.collect::<Vec<_>>().join(", ")
+}
+
 /// A map's line, and what was dropped on the way.
 pub(super) struct Sample {
     pub(super) record: MapRecord,
     pub(super) filtered: Counts,
 }
 
-/// Makes the sample with this index; it depends on the settings' seed and the index alone. `None` if it was
-/// told to stop on the way, which is looked at before each map and mission that is drawn.
+/// Makes the sample with this index; it depends on the settings' seed and the index alone. An
+/// order to stop is looked for before each map and mission that is drawn.
 pub(super) fn draw_sample(
     config: &GenerateConfig,
     index: u64,
     stop: &AtomicBool,
-) -> Option<Sample> {
+) -> Result<Sample, NoSample> {
     let mut random = generator(config.seed, index);
     let weights = config.families.iter().map(|&(_, w)| w);
     let family = weighted(&mut random, weights).map_or(Family::Paper, |i| config.families[i].0);
     let mut filtered = Counts::new();
-    loop {
+    for _ in 0..MAPS {
         if stop.load(Ordering::Relaxed) {
-            return None;
+            return Err(NoSample::Stopped);
         }
         let map = draw_map(family, &mut random);
         let mut record = MapRecord::new(index, &map);
@@ -87,7 +116,7 @@ pub(super) fn draw_sample(
         let mut tree = chance(&mut random, config.random_share);
         for _ in 0..DRAWS * config.missions_per_map {
             if stop.load(Ordering::Relaxed) {
-                return None;
+                return Err(NoSample::Stopped);
             }
             match draw.mission(tree, &record.missions, &mut random) {
                 Ok(mission) => {
@@ -99,11 +128,15 @@ pub(super) fn draw_sample(
                 Err(reason) => drop_for(&mut filtered, reason),
             }
             if record.missions.len() == config.missions_per_map {
-                return Some(Sample { record, filtered });
+                return Ok(Sample { record, filtered });
             }
         }
         drop_for(&mut filtered, "map with too few missions");
     }
+    Err(NoSample::Barren(Barren {
+        maps: MAPS,
+        filtered,
+    }))
 }
 
 fn drop_for(filtered: &mut Counts, reason: &'static str) {

@@ -44,7 +44,8 @@ fn help_and_refusal_tell_how_small_sets_and_parts_may_be() {
     let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
     for words in [
         "rounded up to whole maps",
-        "A part is at least one shard, 600 missions",
+        "A part is at least one shard of 100 maps",
+        "Missions on each map [default: 6]",
     ] {
         assert!(help.contains(words), "{words}: {help}");
     }

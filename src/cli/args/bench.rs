@@ -65,6 +65,9 @@ pub(in crate::cli) struct BenchArgs {
     /// Probability to draw towards the target instead of uniformly
     #[arg(long, value_name = "P", default_value_t = Settings::default().y_rand)]
     pub(in crate::cli) y_rand: f64,
+    /// Probability to draw on the shortest way itself: in the target's region if that is in sight, else at the next bend (ours, 0 in the paper)
+    #[arg(long, value_name = "P", default_value_t = Settings::default().p_target)]
+    pub(in crate::cli) p_target: f64,
     /// Probability that a choice follows the predicted states
     #[arg(long, value_name = "P", default_value_t = Settings::default().alpha)]
     pub(in crate::cli) alpha: f64,

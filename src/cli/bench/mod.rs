@@ -333,6 +333,7 @@ fn settings(args: &BenchArgs) -> Settings {
         seed: args.seed,
         iterations: args.iterations,
         y_rand: args.y_rand,
+        p_target: args.p_target,
         alpha: args.alpha,
         lead: args.guided.lead,
         p_region: args.guided.p_region,

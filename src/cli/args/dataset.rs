@@ -50,7 +50,7 @@ pub(in crate::cli) struct GenerateArgs {
     #[arg(long, value_name = "N", default_value_t = 6000, value_parser = clap::value_parser!(u64).range(1..))]
     pub(in crate::cli) missions: u64,
     /// Missions on each map
-    #[arg(long, value_name = "N", default_value_t = MISSIONS_PER_MAP as u64, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = MISSIONS_PER_MAP as u64, value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub(in crate::cli) per_map: u64,
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]

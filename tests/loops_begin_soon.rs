@@ -121,12 +121,12 @@ fn on_grids_the_first_step_counts_to_the_loop_where_it_can() {
     }
 }
 
-/// A grid of 20 × 20 cells of which some are obstacles and three are places, where the robot may start anywhere else.
-fn drawn_grid(seed: u64) -> Scenario {
+/// A grid of `side` × `side` cells of which `walls` are obstacles and three are places, where the robot may start anywhere else.
+fn drawn_grid(seed: u64, side: usize, walls: usize) -> Scenario {
     let mut random = generator(seed, 8);
-    let cells = draw_cells(&mut random, 400, 24);
+    let cells = draw_cells(&mut random, side * side, 4 + walls);
     let square = |k: &usize| {
-        let [x, y] = [k / 20, k % 20].map(|i| i as f64);
+        let [x, y] = [k / side, k % side].map(|i| i as f64);
         [x, y, x + 1.0, y + 1.0]
     };
     let squares: Vec<Edges> = cells.iter().map(square).collect();
@@ -135,11 +135,11 @@ fn drawn_grid(seed: u64) -> Scenario {
         .into_iter()
         .zip(squares[1..4].iter().copied())
         .collect();
-    let map = rectangles(20.0, &squares[4..], &regions).unwrap();
+    let map = rectangles(side as f64, &squares[4..], &regions).unwrap();
     let start = Point2::new(squares[0][0] + 0.5, squares[0][1] + 0.5);
     let mut scenario = scenario(map, start, "true");
     scenario.grid = Some(GridSpec {
-        cells: [20, 20],
+        cells: [side as u32; 2],
         cell: 1.0,
     });
     scenario
@@ -163,7 +163,7 @@ fn draw_cells(random: &mut Random, limit: usize, count: usize) -> Vec<usize> {
 fn on_grids_sampled_plans_come_near_the_exact_ones_at_every_weight() {
     let mut below = 0;
     for seed in 0..24 {
-        let mut scenario = drawn_grid(seed);
+        let mut scenario = drawn_grid(seed, 20, 20);
         let task = [
             "GF c & (!a U b)",
             "GF a & F b & (!b U c)",
@@ -202,6 +202,33 @@ fn on_grids_sampled_plans_come_near_the_exact_ones_at_every_weight() {
         }
     }
     assert!(below > 10, "{below}");
+}
+
+/// Where a way has a hundred waypoints, and where the task can count how long a letter stays, most rounds that would be cheap see what
+/// the task refuses: those are not all tried before the one that it allows.
+#[test]
+fn on_large_grids_a_loop_begins_at_the_start_too() {
+    let mut found = 0;
+    for seed in 0..9 {
+        let mut scenario = drawn_grid(seed, 60, 900);
+        let task = [
+            "GF a & GF b & F c & (!b U c)",
+            "GF a & G (a -> X (!a U b)) & F c",
+            "GF (a & F b) & F c & (!a U c)",
+        ];
+        scenario.task = task[seed as usize % 3].to_owned();
+        scenario.formula = scenario.task.parse().unwrap();
+        scenario.weight = 0.8;
+        let plan = |sampler| mission::plan(&scenario, &options(sampler, 1_000));
+        for sampler in [SamplerChoice::Exact, SamplerChoice::Directed] {
+            // A place may be walled in.
+            let Ok(planned) = plan(sampler) else { continue };
+            let cost = planned.verified.cost;
+            assert_eq!(cost.prefix, 0.0, "{seed} {sampler:?} {cost:?}");
+            found += 1;
+        }
+    }
+    assert!(found >= 10, "{found}");
 }
 
 #[test]

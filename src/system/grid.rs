@@ -351,6 +351,15 @@ impl Grid {
         Arc::clone(field)
     }
 
+    /// The length of the way that [`first_leg`](TransitionSystem::first_leg) takes step by step; `None` if there is none.
+    pub(crate) fn way_length(&self, from: Point2<f64>, to: Point2<f64>) -> Option<f64> {
+        let (k, target) = (self.nearest_cell(from), self.nearest_cell(to));
+        match self.field_to(target, true)[k] {
+            u32::MAX => self.first_leg(from, to, true).map(|leg| leg.length),
+            steps => Some(f64::from(steps) * self.cell),
+        }
+    }
+
     /// The longest straight run from `k` along which the steps to go fall by one each cell.
     fn descend(&self, k: usize, steps: &[u32]) -> Option<usize> {
         let run = |direction| {

@@ -17,7 +17,7 @@ use super::mission::Mission;
 use super::search::Labels;
 use crate::plan::{Cost, Path};
 use crate::queue::Entry;
-use crate::shorten::Shortener;
+use crate::shorten::{SLACK, Shortener};
 
 /// So often a plan is made another one at most; each is cheaper than the one before.
 const ROUNDS: usize = 8;
@@ -50,7 +50,7 @@ impl Mission<'_> {
             if self.roadmap.halt.is_due() {
                 break;
             }
-            let found = shortener.others(&best.0, &walk);
+            let found = shortener.others(&best.0, &walk, SLACK);
             match found.min_by(|a, b| a.1.total.total_cmp(&b.1.total)) {
                 Some(other) if other.1.total < best.1.total => best = other,
                 _ => break,

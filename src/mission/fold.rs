@@ -16,6 +16,7 @@ use crate::automaton::Task;
 use crate::ltl::semantics;
 use crate::plan::{Cost, Path, Waypoint};
 use crate::scenario::Scenario;
+use crate::shorten::{SWEEPS, Shortener};
 use crate::verify::Verified;
 use rounds::Walks;
 
@@ -49,7 +50,8 @@ pub(super) fn fold(
     if scenario.grid.is_some() {
         return moves::improve(scenario, task, path, known);
     }
-    let mut best = straightened(scenario, task, path, known);
+    let straight = straightened(scenario, task, path, known);
+    let mut best = straight.map(|(path, known)| tightened(scenario, task, path, known));
     // A prefix that costs nothing need not be shorter.
     if scenario.weight <= 0.0 {
         return best;
@@ -62,8 +64,30 @@ pub(super) fn fold(
         };
         let straight = straightened(scenario, task, &cheaper.0, &cheaper.1);
         best = straight.or(Some(cheaper));
+        best = best.map(|(path, known)| tightened(scenario, task, path, known));
     }
     best
+}
+
+/// A plan that was changed, made shorter as long as that helps.
+fn tightened(
+    scenario: &Scenario,
+    task: &Task,
+    mut path: Path,
+    mut known: Verified,
+) -> (Path, Verified) {
+    let shortener = Shortener::new(&scenario.workspace, task, scenario.weight);
+    for _ in 0..AGAIN {
+        let shorter = shortener.shorten(&path, SWEEPS).map(|(path, _)| path);
+        let Some(shorter) = shorter else { break };
+        match check(scenario, task, &shorter, None) {
+            Ok(verified) if is_less(verified.cost.total, known.cost.total) => {
+                (path, known) = (shorter, verified);
+            }
+            _ => break,
+        }
+    }
+    (path, known)
 }
 
 /// The plan without bends that it does not need, if it has any. The automaton may want a visit on a way of its own, there and back,

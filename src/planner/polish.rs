@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 use nalgebra::Point2;
 
 use super::tree::NodeId;
-use crate::shorten::Shortener;
+use crate::shorten::{SWEEPS, Shortener};
 
 /// A candidate is shortened again once it is cheaper by this share than when it was before.
 const AGAIN: f64 = 0.01;
@@ -32,9 +32,6 @@ const PERIOD: u64 = 16;
 /// ones less than the time of growing.
 const CORNERS_AT_FIRST: u64 = 200_000;
 const CORNERS_EACH: u64 = 5;
-
-/// Passes over the points of a plan.
-const SWEEPS: usize = 12;
 
 /// Words that are known at once, at most: so many orders of visits compete.
 const MOST: usize = 64;

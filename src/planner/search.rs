@@ -80,7 +80,8 @@ pub fn profile(
     let ground = Ground::of(problem);
     let mut search = Search::new(&ground, sampler, settings, 0);
     search.prefix.measure();
-    search.run(&Stop::new(), &mut |_| {});
+    let stop = Stop::new();
+    search.run(&search.deadline(&stop), &mut |_| {});
     let mut split = Split::default();
     search.trees().for_each(|tree| split.add(&tree.split()));
     let known: f64 = split.parts().iter().map(|&(_, seconds)| seconds).sum();
@@ -228,16 +229,23 @@ impl<'a> Search<'a> {
         stop: &Stop,
         observe: &mut dyn FnMut(Progress),
     ) -> Result<Solution, PlanError> {
-        let reason = self.run(stop, observe);
+        let deadline = self.deadline(stop);
+        let reason = self.run(&deadline, observe);
+        if !self.settings.first {
+            self.improve_last(&deadline);
+        }
         self.finish(reason)
     }
 
-    fn run(&mut self, stop: &Stop, observe: &mut dyn FnMut(Progress)) -> EndReason {
-        let deadline = Deadline {
+    fn deadline<'s>(&self, stop: &'s Stop) -> Deadline<'s> {
+        Deadline {
             stop,
             began: self.began,
             budget: self.settings.time_budget(),
-        };
+        }
+    }
+
+    fn run(&mut self, deadline: &Deadline<'_>, observe: &mut dyn FnMut(Progress)) -> EndReason {
         let (mut pace, mut looked) = (1, Instant::now());
         self.look_at_prefix(); // the start may be a goal already
         loop {
@@ -260,7 +268,7 @@ impl<'a> Search<'a> {
                     nodes: self.node_count(),
                     cost: self.best.as_ref().map(|b| b.cost.total),
                 });
-                if stop.is_raised() {
+                if deadline.stop.is_raised() {
                     return EndReason::Stopped;
                 }
                 if self.race.is_some_and(|r| r.is_lost(self.stats.iterations)) {
@@ -282,7 +290,7 @@ impl<'a> Search<'a> {
             }
             self.shorten();
             if is_entry_due(self.stats.iterations) {
-                self.enter_again(&deadline);
+                self.enter_again(deadline);
             }
         }
     }

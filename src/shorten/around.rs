@@ -16,7 +16,7 @@ impl Shortener<'_> {
     /// obstacle that they were found on. The letters met on the new ways may be others; the automaton must have a run
     /// along them.
     pub(crate) fn go_around(&self, path: &Path, walk: Walk<'_>) -> Option<(Path, Cost)> {
-        let chain = Chain::of_path(path);
+        let chain = self.stops_and_bends(path);
         let shorter = |leg: Leg| Some((leg, self.shorter_way(&chain, leg, walk)?));
         let found: Vec<(Leg, Vec<Point2<f64>>)> =
             self.legs(&chain).into_iter().filter_map(shorter).collect();

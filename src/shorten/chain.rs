@@ -150,6 +150,25 @@ impl Shortener<'_> {
         }
     }
 
+    /// The points of a plan without those between two visits where it goes straight on. In a region they stay: what is visited
+    /// on the way is to be visited on another way, too.
+    pub(super) fn stops_and_bends(&self, path: &Path) -> Chain {
+        let mut chain = Chain::of_path(path);
+        for i in (1..chain.points.len().saturating_sub(1)).rev() {
+            let [before, at, after] = [i - 1, i, i + 1].map(|i| chain.points[i]);
+            let detour = (at - before).norm() + (after - at).norm() - (after - before).norm();
+            let is_straight = i != chain.split && detour < 1e-3 * self.min_gain;
+            if is_straight
+                && !self.is_in_region(at)
+                && self.word(&[before, at, after]) == self.word(&[before, after])
+            {
+                chain.points.remove(i);
+                chain.split -= usize::from(i < chain.split);
+            }
+        }
+        chain
+    }
+
     /// The points before and after `i`, with the weights of the segments to them. The prefix's last
     /// point has three neighbours where the suffix moves.
     pub(super) fn neighbours(&self, chain: &Chain, i: usize) -> Neighbours {
@@ -284,16 +303,20 @@ impl Shortener<'_> {
     /// Whether a point is outside regions because one has to be left: where the robot stays, or comes back from to where it was.
     fn is_way_out(&self, at: Point2<f64>, neighbours: &[Neighbour]) -> bool {
         let class = |p| self.map.letter_at(p).map(|l| self.classes[l.index()]);
-        let within = |p: Point2<f64>| {
-            self.regions
-                .iter()
-                .any(|r| r.side_of(p, 0.0) != Side::Outside)
-        };
         match *neighbours {
-            [(from, _)] => !within(at) && within(from),
-            [(from, _), (to, _)] => !within(at) && within(from) && class(from) == class(to),
+            [(from, _)] => !self.is_in_region(at) && self.is_in_region(from),
+            [(from, _), (to, _)] => {
+                let is_left = !self.is_in_region(at) && self.is_in_region(from);
+                is_left && class(from) == class(to)
+            }
             _ => false,
         }
+    }
+
+    /// Whether a point is in a region that the task speaks of.
+    fn is_in_region(&self, p: Point2<f64>) -> bool {
+        let mut regions = self.regions.iter();
+        regions.any(|r| r.side_of(p, 0.0) != Side::Outside)
     }
 
     /// From a neighbour to the new place of a point, which is free: straight if the way is, else taut.

@@ -46,6 +46,13 @@ const INSET: f64 = 1e-6;
 /// An improvement below this share of the map's longer side is not worth a move.
 const MIN_GAIN: f64 = 1e-7;
 
+/// Passes over the points of a plan that is shortened, at most, where nothing else is asked for.
+pub(crate) const SWEEPS: usize = 12;
+
+/// Where time is left for it, orders of visits are tried that are longer than a plan by so much: what is shorter once it is taut
+/// may be longer as long as visits lie where the old order wanted them.
+pub(crate) const SLACK: f64 = 1.1;
+
 /// What shortening must know of a mission.
 #[derive(Clone, Debug)]
 pub struct Shortener<'a> {
@@ -152,14 +159,19 @@ impl<'a> Shortener<'a> {
 
     /// Plans near this one that no pull and no slide leads to, cheaper or not: entered elsewhere, around other sides of
     /// obstacles, with visits in another order, and with a suffix that does what the prefix did. The ways that `walk` gives may
-    /// touch what they lead around.
-    pub(crate) fn others(&self, path: &Path, walk: Walk<'_>) -> impl Iterator<Item = (Path, Cost)> {
+    /// touch what they lead around. Orders are tried that are longer by `slack` times before they are pulled taut.
+    pub(crate) fn others(
+        &self,
+        path: &Path,
+        walk: Walk<'_>,
+        slack: f64,
+    ) -> impl Iterator<Item = (Path, Cost)> {
         let walk = |from, to| self.keep_off(from, walk(from, to));
         let walk: Walk<'_> = &walk;
         let entered = self.enter_around(path, walk);
         let earlier = self.begin_earlier(path, walk);
         let around = self.go_around(path, walk);
-        let reordered = self.reorder(path, walk);
+        let reordered = self.reorder(path, walk, slack);
         [entered, earlier, around, reordered].into_iter().flatten()
     }
 

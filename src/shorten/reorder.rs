@@ -1,12 +1,12 @@
 //! Another order of visits.
 
 use nalgebra::Point2;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::Shortener;
 use super::chain::{Chain, length};
 use super::enter::{SWEEPS, Walk};
-use crate::plan::{Cost, Path};
+use crate::plan::{self, Cost, Path};
 
 /// Parts of plans with more visits are left as they are: the number of orders that are looked at grows with its square.
 const MAX_STOPS: usize = 12;
@@ -68,7 +68,7 @@ impl Stops<'_> {
 }
 
 /// Orders of `count` stops that begin with the first one, in which up to [`TOGETHER`] in a row stand elsewhere, or the other
-/// way around (S. Lin, "Computer solutions of the traveling salesman problem", 1965; I. Or's moves of short segments, 1976).
+/// way around, each once (S. Lin, "Computer solutions of the traveling salesman problem", 1965; I. Or's moves of short segments, 1976).
 pub(crate) fn orders(count: usize, to_last: bool) -> Vec<Vec<usize>> {
     let end = if to_last {
         count.saturating_sub(1)
@@ -76,6 +76,8 @@ pub(crate) fn orders(count: usize, to_last: bool) -> Vec<Vec<usize>> {
         count
     };
     let mut all = Vec::new();
+    // The same order can be reached in several ways, and the old one, too.
+    let mut known = FxHashSet::from_iter([(0..count).collect::<Vec<usize>>()]);
     for from in 1..end {
         for to in from + 1..=end {
             let reversed = (from..to).rev();
@@ -84,7 +86,9 @@ pub(crate) fn orders(count: usize, to_last: bool) -> Vec<Vec<usize>> {
                 let mut order = rest[..at].to_vec();
                 order.extend(part);
                 order.extend_from_slice(&rest[at..]);
-                all.push(order);
+                if known.insert(order.clone()) {
+                    all.push(order);
+                }
             };
             put(from, &mut reversed.clone());
             if to - from <= TOGETHER {
@@ -100,26 +104,30 @@ pub(crate) fn orders(count: usize, to_last: bool) -> Vec<Vec<usize>> {
 }
 
 impl Shortener<'_> {
-    /// Makes a plan that visits in another order where that is shorter and the automaton has a run along it: of what the suffix visits,
-    /// or else of what the prefix does.
-    pub(crate) fn reorder(&self, path: &Path, walk: Walk<'_>) -> Option<(Path, Cost)> {
-        let chain = Chain::of_path(path);
+    /// Makes a cheaper plan that visits in another order, if the automaton has a run along one: of what the suffix visits, or of
+    /// what the prefix does. Orders are tried that are longer by `slack` times while their visits are where the plan has them.
+    pub(crate) fn reorder(&self, path: &Path, walk: Walk<'_>, slack: f64) -> Option<(Path, Cost)> {
+        let chain = self.stops_and_bends(path);
+        let known = Cost::new(
+            plan::length(&path.prefix),
+            plan::length(&path.suffix),
+            self.weight,
+        );
         let finish = |mut new: Chain| {
             self.realise(&new)?;
             self.improve(&mut new, SWEEPS);
             self.realise(&new)
-                .filter(|(path, _)| self.is_firm_path(path))
+                .filter(|(path, cost)| cost.total < known.total && self.is_firm_path(path))
         };
-        let suffixes = self.other_suffixes(&chain, walk);
-        let found = suffixes.into_iter().find_map(finish);
-        found.or_else(|| {
-            let prefixes = self.other_prefixes(&chain, walk);
-            prefixes.into_iter().find_map(finish)
-        })
+        let suffixes = self.other_suffixes(&chain, walk, slack);
+        let prefixes = self.other_prefixes(&chain, walk, slack);
+        let found = [suffixes, prefixes].map(|chains| chains.into_iter().find_map(finish));
+        let found = found.into_iter().flatten();
+        found.min_by(|a, b| a.1.total.total_cmp(&b.1.total))
     }
 
     /// The plan with other suffixes.
-    fn other_suffixes(&self, chain: &Chain, walk: Walk<'_>) -> Vec<Chain> {
+    fn other_suffixes(&self, chain: &Chain, walk: Walk<'_>, slack: f64) -> Vec<Chain> {
         if chain.stays {
             return Vec::new();
         }
@@ -128,7 +136,8 @@ impl Shortener<'_> {
         let Some(mut stops) = self.stops(&round, false, walk) else {
             return Vec::new();
         };
-        let limit = length(&round) + (round[0] - round[round.len() - 1]).norm() - self.min_gain;
+        let whole = length(&round) + (round[0] - round[round.len() - 1]).norm();
+        let limit = whole * slack - self.min_gain;
         let kept = match chain.split {
             0 => 1,
             split => split + usize::from(passes),
@@ -154,7 +163,7 @@ impl Shortener<'_> {
     }
 
     /// The plan with other prefixes.
-    fn other_prefixes(&self, chain: &Chain, walk: Walk<'_>) -> Vec<Chain> {
+    fn other_prefixes(&self, chain: &Chain, walk: Walk<'_>, slack: f64) -> Vec<Chain> {
         let prefix = &chain.points[..=chain.split];
         let Some(mut stops) = self.stops(prefix, true, walk) else {
             return Vec::new();
@@ -168,7 +177,7 @@ impl Shortener<'_> {
                 stays: chain.stays,
             }
         };
-        let limit = length(prefix) - self.min_gain;
+        let limit = length(prefix) * slack - self.min_gain;
         let found = stops.shorter(false, !chain.stays, limit);
         found.into_iter().map(begin).collect()
     }

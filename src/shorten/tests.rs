@@ -334,7 +334,7 @@ fn visits_are_put_in_another_order_where_the_task_allows_it() {
         let shortener = Shortener::new(&map, &task, 0.2);
         let (mut plan, mut cost) = shortener.shorten(given, 20).expect(text);
         let before = cost.total;
-        while let Some(found) = shortener.reorder(&plan, &walk) {
+        while let Some(found) = shortener.reorder(&plan, &walk, 1.0) {
             assert!(found.1.total < cost.total, "{text}");
             (plan, cost) = found;
             check(&map, text, start, &(plan.clone(), cost), 0.2);
@@ -347,7 +347,7 @@ fn visits_are_put_in_another_order_where_the_task_allows_it() {
     let task = task(&map, "F (l3 & F (l1 & F (l4 & F l2)))");
     let shortener = Shortener::new(&map, &task, 0.2);
     let (plan, _) = shortener.shorten(&crossing, 20).unwrap();
-    assert!(shortener.reorder(&plan, &walk).is_none());
+    assert!(shortener.reorder(&plan, &walk, 1.0).is_none());
 }
 
 proptest! {

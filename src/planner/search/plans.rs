@@ -9,11 +9,15 @@ use crate::planner::Improvement;
 use crate::planner::polish::{Kind, PROMISING, Polish};
 use crate::planner::suffix::Entry;
 use crate::planner::tree::NodeId;
-use crate::shorten::Shortener;
+use crate::shorten::{SLACK, Shortener};
 use crate::system::TransitionSystem;
 
 /// Where to enter a way back is looked for anew once it has got shorter by so much.
 const NOTABLE: f64 = 0.01;
+
+/// So often at most the last plan is made better, as long as it gets cheaper by this share.
+const WORTHWHILE: f64 = 1e-3;
+const LAST: usize = 8;
 
 impl Search<'_> {
     /// Takes note of goals that are new or cheaper.
@@ -138,7 +142,7 @@ impl Search<'_> {
                 }
             }
         }
-        self.look_around(deadline);
+        self.look_around(deadline, 1.0);
         if !self.suffixes.is_empty() {
             let turn = self.stats.iterations / ENTRY_PERIOD;
             self.consider_suffix((turn % self.suffixes.len() as u64) as usize);
@@ -147,7 +151,7 @@ impl Search<'_> {
 
     /// Gives the best plan's legs other ways around obstacles, enters its suffix along one, and visits in another order, if that is
     /// cheaper. Once for each best plan, and on large maps, where a way takes long to find, no more often than growing leaves time for.
-    fn look_around(&mut self, deadline: &Deadline<'_>) {
+    fn look_around(&mut self, deadline: &Deadline<'_>, slack: f64) {
         let (Some(polish), Some(best)) = (&mut self.polish, &self.best) else {
             return;
         };
@@ -169,7 +173,7 @@ impl Search<'_> {
             way.unwrap_or_default()
         };
         let goal = best.goal;
-        let others: Vec<_> = polish.shortener.others(&best.path, &walk).collect();
+        let others: Vec<_> = polish.shortener.others(&best.path, &walk, slack).collect();
         for (path, cost) in others {
             if self.is_better(cost) {
                 self.keep_with_beacons(goal, path, cost);
@@ -267,6 +271,32 @@ impl Search<'_> {
         };
         if self.is_better(cost) {
             self.keep_with_beacons(next.goal, path, cost);
+        }
+    }
+
+    /// Shortens the best plan, and looks for other ways, orders and entries, as long as that helps: it may be a tree's that was not due, and
+    /// no other comes after it.
+    pub(super) fn improve_last(&mut self, deadline: &Deadline<'_>) {
+        if let Some(polish) = &mut self.polish {
+            polish.looked_around = f64::INFINITY;
+        }
+        for _ in 0..LAST {
+            let (Some(polish), Some(best)) = (&self.polish, &self.best) else {
+                return;
+            };
+            let (goal, before) = (best.goal, best.cost.total);
+            if let Some((path, cost)) = polish.shorten(&best.path)
+                && self.is_better(cost)
+            {
+                self.keep(goal, path, cost);
+            }
+            let limit = before * (1.0 - WORTHWHILE);
+            if !self.best.as_ref().is_some_and(|b| b.cost.total < limit) {
+                self.look_around(deadline, SLACK);
+            }
+            if !self.best.as_ref().is_some_and(|b| b.cost.total < limit) {
+                return;
+            }
         }
     }
 }

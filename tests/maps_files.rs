@@ -218,6 +218,8 @@ fn broken_maps_say_what_is_wrong_and_where() {
             None,
         )
     };
+    let units = r#"{"type":"FeatureCollection","units":5,"features":[]}"#;
+    assert!(complaint(Format::GeoJson, units, None).contains("`units`: is 5: expected \"m\""));
     let square = "[[[0,0],[9,0],[9,9],[0,9],[0,0]]]";
     let obstacle = r#"{"kind":"obstacle","name":"hut"}"#;
     let features = [

@@ -13,6 +13,10 @@ use nngtl::scenario::{Overrides, Scenario};
 use nngtl::workspace::Workspace;
 use nngtl::workspace::visibility::VisibilityGraph;
 
+mod made;
+
+use made::{Edges, options, rectangles, scenario};
+
 /// A maze of `n` × `n` rooms as a MovingAI map of 2n + 1 cells a side: a spanning tree drawn by a
 /// depth-first walk, then one wall in twenty taken away, so that there are ways around.
 fn maze(n: usize, seed: u64) -> String {
@@ -189,6 +193,37 @@ fn run(rooms: usize) {
         assert!(found, "{text}");
     }
     assert!(loaded < Duration::from_secs(60), "{loaded:?}");
+}
+
+/// Among thousands of specks on an open field almost all corners see each other: whoever looked for ways from everywhere to a place would
+/// be busy for minutes, translating and searching.
+#[test]
+fn missions_run_on_a_field_of_specks() {
+    let mut random = generator(3, 1);
+    let mut specks: Vec<Edges> = Vec::new();
+    while specks.len() < 3_000 {
+        let [x, y] = [(); 2].map(|()| 998.0 * unit(&mut random));
+        let middle = |v: f64| (30.0..970.0).contains(&v);
+        if middle(x) || middle(y) {
+            specks.push([x, y, x + 0.7, y + 0.7]);
+        }
+    }
+    let regions = [
+        ("a", [5.0, 5.0, 12.0, 12.0]),
+        ("b", [980.0, 980.0, 990.0, 990.0]),
+    ];
+    let map = rectangles(1000.0, &specks, &regions).unwrap();
+    let scenario = scenario(map, Point2::new(500.0, 500.0), "G F a & G F b");
+    for sampler in [SamplerChoice::Directed, SamplerChoice::Auto] {
+        let planned = mission::plan(&scenario, &options(sampler, 300)).unwrap();
+        let cost = planned.verified.cost;
+        // There and back between the regions.
+        let straight = 2.0 * f64::hypot(968.0, 968.0);
+        assert!(
+            cost.suffix > straight - 1e-6 && cost.suffix < 1.01 * straight,
+            "{sampler:?} {cost:?}"
+        );
+    }
 }
 
 #[test]

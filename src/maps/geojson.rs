@@ -68,12 +68,12 @@ fn features(value: &Value, options: &MapOptions) -> Result<Features, Fault> {
             return Err(fault("`type`", message));
         }
     };
-    let units = match (options.units, value["units"].as_str()) {
+    let units = match (options.units, &value["units"]) {
         (Some(units), _) => units,
-        (None, Some("m")) => Units::Metres,
-        (None, None) => Units::Degrees,
-        (None, Some(other)) => {
-            let message = format!("is `{other}`: expected `m`, or nothing for degrees");
+        (None, Value::Null) => Units::Degrees,
+        (None, found) if found == "m" => Units::Metres,
+        (None, found) => {
+            let message = format!("is {found}: expected \"m\", or nothing for degrees");
             return Err(fault("`units`", message));
         }
     };

@@ -64,6 +64,9 @@ pub use spec::{DEFAULT_WEIGHT, GridSpec, RegionSpecs, ScenarioSpec, WorkspaceSpe
 use locate::Step;
 use read::Source;
 
+/// Obstacles no wider than so many tolerances of the map may not be in the way.
+const THIN: f64 = 2.0;
+
 /// A mission that is ready to be planned: checked map, start, formula and weight.
 #[derive(Clone, Debug)]
 pub struct Scenario {
@@ -235,7 +238,18 @@ impl Scenario {
             };
             format!("region `{name}` {why}: no point of it can be visited")
         };
-        workspace.hidden_regions().into_iter().map(hidden).collect()
+        let thin = |(i, obstacle): (usize, &Polygon)| {
+            let width = obstacle.area() / (obstacle.max() - obstacle.min()).norm();
+            let i = i + 1;
+            (width <= THIN * workspace.tolerance()).then(|| {
+                format!(
+                    "obstacle {i} is too thin for a map of this size: the robot may pass through it"
+                )
+            })
+        };
+        let regions = workspace.hidden_regions().into_iter().map(hidden);
+        let obstacles = workspace.obstacles().iter().enumerate();
+        regions.chain(obstacles.filter_map(thin)).collect()
     }
 
     fn check(

@@ -296,6 +296,18 @@ fn a_hidden_region_is_a_warning() {
 }
 
 #[test]
+fn an_obstacle_without_width_is_a_warning() {
+    let wall = |width: f64| {
+        let x = 0.3 + width;
+        let text = format!("obstacles = [[[0.3, 0.4], [{x:?}, 0.4], [{x:?}, 0.6], [0.3, 0.6]],");
+        let scenario = load_as("toml", &BASE.replace("obstacles = [", &text)).unwrap();
+        scenario.warnings()
+    };
+    assert!(wall(1e-9)[0].contains("obstacle 1 is too thin"));
+    assert!(wall(1e-3).is_empty());
+}
+
+#[test]
 fn a_file_without_name_is_called_like_the_file() {
     let s = load_as("toml", &BASE.replace("name = \"base\"\n", "")).unwrap();
     assert_eq!(s.name, "map");

@@ -27,6 +27,13 @@ const SAMPLE: usize = 2_000;
 /// Paths take at most about so many windows for each corner: in lattices, where ways of equal length abound.
 const MOST_WINDOWS: usize = 16;
 
+/// Where paths take more windows than that for each corner, almost all corners see each other, as among specks on an open field.
+/// A wavefront that goes everywhere would take minutes there, while one that goes to a single place meets little.
+const OPEN_WINDOWS: usize = 32;
+
+/// On maps with fewer corners it takes no longer than a second either way.
+const OPEN_CORNERS: usize = 4_000;
+
 /// A search asks for ways to about so many places of each region: the middles of its parts and its corners.
 const TARGETS_OF_REGION: usize = 7;
 
@@ -86,9 +93,19 @@ struct Ways {
     start: Point2<f64>,
     /// How many targets a search will ask for, about.
     targets: usize,
-    /// Whether the paths to all targets would not fit, so that those that are through are to be condensed. Found when it is first
-    /// asked for.
-    is_tight: OnceLock<bool>,
+    /// What is kept; found when it is first asked for.
+    keeping: OnceLock<Keeping>,
+}
+
+/// What is kept of the paths to a target that is asked for more than once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Keeping {
+    /// All of it.
+    Windows,
+    /// Lengths from corners, once the wavefront is through: the rest would not fit for all targets.
+    Corners,
+    /// Nothing: every path is found by itself.
+    Nothing,
 }
 
 /// Paths to targets that are asked for more than once.
@@ -174,8 +191,7 @@ impl Continuous {
     /// The shortest obstacle-free path between two free points, ends included.
     #[must_use]
     pub fn shortest_path(&self, from: Point2<f64>, to: Point2<f64>) -> Option<Vec<Point2<f64>>> {
-        let graph = self.graph();
-        graph.paths_to(to).path(graph, from)
+        self.graph().path(from, to)
     }
 
     /// Shortest ways that keep out of where the letter is missing in `through`; `None` if that rules out
@@ -201,10 +217,9 @@ impl Continuous {
         if map.is_free_between(from, to) {
             return None;
         }
-        let paths = self.ways.paths_to(to);
-        let (length, bend) = paths.bend(self.graph(), from)?;
+        let (length, bend) = self.ways.bend(from, to)?;
         let mut bends: SmallVec<[Point2<f64>; 16]> = SmallVec::new();
-        paths.bends(self.graph(), from, &mut |p| bends.push(p));
+        self.ways.bends(from, to, &mut |p| bends.push(p));
         let mut allowed = self.allowed.lock().unwrap_or_else(PoisonError::into_inner);
         let keeps = allowed.keeps(map, from, &bends, through);
         keeps.then_some(Leg { to: bend, length })
@@ -246,16 +261,43 @@ impl Ways {
             known: Mutex::default(),
             start,
             targets: TARGETS_OF_REGION * regions + 1,
-            is_tight: OnceLock::new(),
+            keeping: OnceLock::new(),
         }
     }
 
-    fn is_tight(&self) -> bool {
+    fn keeping(&self) -> Keeping {
         let start = self.start;
-        *self.is_tight.get_or_init(|| {
-            self.targets * self.graph.corners().count() * MOST_WINDOWS > MAX_KEPT
-                && self.targets * self.graph.size_of_paths(start, SAMPLE) > MAX_KEPT
+        *self.keeping.get_or_init(|| {
+            let corners = self.graph.corners().count();
+            if self.targets * corners * MOST_WINDOWS <= MAX_KEPT && corners < OPEN_CORNERS {
+                return Keeping::Windows;
+            }
+            let size = self.graph.size_of_paths(start, SAMPLE);
+            if corners >= OPEN_CORNERS && size > OPEN_WINDOWS * corners {
+                Keeping::Nothing
+            } else if self.targets * size > MAX_KEPT {
+                Keeping::Corners
+            } else {
+                Keeping::Windows
+            }
         })
+    }
+
+    /// The length of the shortest path to a place out of sight and the first point at which it bends.
+    fn bend(&self, from: Point2<f64>, to: Point2<f64>) -> Option<(f64, Point2<f64>)> {
+        match self.keeping() {
+            Keeping::Nothing => self.graph.first_leg(from, to),
+            _ => self.paths_to(to).bend(&self.graph, from),
+        }
+    }
+
+    /// Visits the bends of that path, and the place.
+    fn bends(&self, from: Point2<f64>, to: Point2<f64>, visit: &mut dyn FnMut(Point2<f64>)) {
+        if self.keeping() != Keeping::Nothing {
+            return self.paths_to(to).bends(&self.graph, from, visit);
+        }
+        let path = self.graph.path(from, to);
+        path.into_iter().flatten().skip(1).for_each(visit);
     }
 
     fn paths_to(&self, to: Point2<f64>) -> Arc<PathsTo> {
@@ -280,9 +322,9 @@ impl Ways {
         {
             size = size.saturating_sub(known.paths.remove(&oldest).map_or(0, |p| p.size()));
         }
-        let paths = Arc::new(match self.is_tight() {
-            true => self.graph.paths_by_corners(to),
-            false => self.graph.paths_to(to),
+        let paths = Arc::new(match self.keeping() {
+            Keeping::Corners => self.graph.paths_by_corners(to),
+            _ => self.graph.paths_to(to),
         });
         known.paths.insert(key, Arc::clone(&paths));
         known.order.push_back(key);
@@ -342,7 +384,7 @@ impl TransitionSystem for Continuous {
         if !keep {
             return self.graph().first_leg(from, to).map(leg);
         }
-        self.ways.paths_to(to).bend(self.graph(), from).map(leg)
+        self.ways.bend(from, to).map(leg)
     }
 
     fn first_leg_through(
@@ -365,7 +407,10 @@ impl TransitionSystem for Continuous {
         if barred(from) || barred(to) {
             return None;
         }
-        let (length, to) = ways.paths_to(to).first_leg(&ways.graph, from)?;
+        let (length, to) = match ways.graph.map().is_free_between(from, to) {
+            true => ((to - from).norm(), to),
+            false => ways.bend(from, to)?,
+        };
         Some(Leg { to, length })
     }
 
@@ -373,7 +418,7 @@ impl TransitionSystem for Continuous {
         if self.map().is_free_between(from, to) {
             return visit(to);
         }
-        self.ways.paths_to(to).bends(self.graph(), from, visit);
+        self.ways.bends(from, to, visit);
     }
 
     fn forget(&self) {

@@ -430,6 +430,12 @@ fn shortest_paths_agree_with_brute_force() {
                     );
                     let (same, leg) = graph.first_leg(a, b).unwrap();
                     assert!((same - length).abs() < 1e-7, "seed {seed}: {same} {length}");
+                    let path = graph.path(a, b).unwrap();
+                    let legs = path.windows(2);
+                    assert!(legs.clone().all(|w| m.is_free_between(w[0], w[1])));
+                    let walked: f64 = legs.map(|w| (w[1] - w[0]).norm()).sum();
+                    assert!((walked - length).abs() < 1e-7, "seed {seed}: {path:?}");
+                    assert_eq!((path[0], path[path.len() - 1]), (a, b));
                     let rest = |via: Point2<f64>| {
                         (via - a).norm() + paths.first_leg(&graph, via).map_or(0.0, |l| l.0)
                     };

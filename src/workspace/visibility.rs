@@ -129,6 +129,35 @@ impl VisibilityGraph {
         if self.map.is_free_between(from, to) {
             return Some(((to - from).norm(), to));
         }
+        self.ahead(from, to, |front, leg| {
+            (leg.length, self.first_bend(front, leg, from))
+        })
+    }
+
+    /// The shortest path between two free points, both included; `None` if there is none. For one path this is faster than
+    /// [`Self::paths_to`].
+    #[must_use]
+    pub fn path(&self, from: Point2<f64>, to: Point2<f64>) -> Option<Vec<Point2<f64>>> {
+        let mut path = vec![from];
+        if self.map.is_free_between(from, to) {
+            path.push(to);
+        } else {
+            self.ahead(from, to, |front, leg| match leg.corner {
+                Some(corner) => front.chain(&self.mesh, corner, &mut |p| path.push(p)),
+                None => path.push(to),
+            })?;
+        }
+        Some(path)
+    }
+
+    /// What is asked of the first leg of the shortest path between two points that do not see each other, and of the wavefront that has
+    /// found it.
+    fn ahead<T>(
+        &self,
+        from: Point2<f64>,
+        to: Point2<f64>,
+        tell: impl FnOnce(&Wavefront, Leg) -> T,
+    ) -> Option<T> {
         if self.component_at(from) != self.component_at(to) {
             return None;
         }
@@ -150,7 +179,7 @@ impl VisibilityGraph {
                 None => break self.any_leg(&front, from),
             }
         };
-        let found = found.map(|leg| (leg.length, self.first_bend(&front, leg, from)));
+        let found = found.map(|leg| tell(&front, leg));
         idle().push(front);
         found
     }

@@ -121,8 +121,9 @@ fn on_grids_the_first_step_counts_to_the_loop_where_it_can() {
     }
 }
 
-/// A grid of `side` × `side` cells of which `walls` are obstacles and three are places, where the robot may start anywhere else.
-fn drawn_grid(seed: u64, side: usize, walls: usize) -> Scenario {
+/// A grid of `side` × `side` cells of which `walls` are obstacles and three are places, where the robot may start anywhere else; the
+/// tasks take turns.
+fn drawn_grid(seed: u64, side: usize, walls: usize, tasks: [&str; 3]) -> Scenario {
     let mut random = generator(seed, 8);
     let cells = draw_cells(&mut random, side * side, 4 + walls);
     let square = |k: &usize| {
@@ -137,7 +138,7 @@ fn drawn_grid(seed: u64, side: usize, walls: usize) -> Scenario {
         .collect();
     let map = rectangles(side as f64, &squares[4..], &regions).unwrap();
     let start = Point2::new(squares[0][0] + 0.5, squares[0][1] + 0.5);
-    let mut scenario = scenario(map, start, "true");
+    let mut scenario = scenario(map, start, tasks[seed as usize % 3]);
     scenario.grid = Some(GridSpec {
         cells: [side as u32; 2],
         cell: 1.0,
@@ -163,14 +164,12 @@ fn draw_cells(random: &mut Random, limit: usize, count: usize) -> Vec<usize> {
 fn on_grids_sampled_plans_come_near_the_exact_ones_at_every_weight() {
     let mut below = 0;
     for seed in 0..24 {
-        let mut scenario = drawn_grid(seed, 20, 20);
-        let task = [
+        let tasks = [
             "GF c & (!a U b)",
             "GF a & F b & (!b U c)",
             "GF (a & F b) & F c",
         ];
-        scenario.task = task[seed as usize % 3].to_owned();
-        scenario.formula = scenario.task.parse().unwrap();
+        let mut scenario = drawn_grid(seed, 20, 20, tasks);
         let Ok(problem) = mission::task(&scenario)
             .map_err(|e| e.to_string())
             .and_then(|task| mission::problem(&scenario, task.into()).map_err(|e| e.to_string()))
@@ -210,14 +209,12 @@ fn on_grids_sampled_plans_come_near_the_exact_ones_at_every_weight() {
 fn on_large_grids_a_loop_begins_at_the_start_too() {
     let mut found = 0;
     for seed in 0..9 {
-        let mut scenario = drawn_grid(seed, 60, 900);
-        let task = [
+        let tasks = [
             "GF a & GF b & F c & (!b U c)",
             "GF a & G (a -> X (!a U b)) & F c",
             "GF (a & F b) & F c & (!a U c)",
         ];
-        scenario.task = task[seed as usize % 3].to_owned();
-        scenario.formula = scenario.task.parse().unwrap();
+        let mut scenario = drawn_grid(seed, 60, 900, tasks);
         scenario.weight = 0.8;
         let plan = |sampler| mission::plan(&scenario, &options(sampler, 1_000));
         for sampler in [SamplerChoice::Exact, SamplerChoice::Directed] {

@@ -8,6 +8,8 @@
 mod moves;
 mod rounds;
 
+use std::cell::LazyCell;
+
 use nalgebra::Point2;
 
 use super::check;
@@ -50,8 +52,10 @@ pub(super) fn fold(
     if scenario.grid.is_some() {
         return moves::improve(scenario, task, path, known);
     }
-    let straight = straightened(scenario, task, path, known);
-    let mut best = straight.map(|(path, known)| tightened(scenario, task, path, known));
+    // Most plans are left as they are.
+    let shortener = LazyCell::new(|| Shortener::new(&scenario.workspace, task, scenario.weight));
+    let tight = |(path, known)| tightened(scenario, task, &shortener, path, known);
+    let mut best = straightened(scenario, task, path, known).map(tight);
     // A prefix that costs nothing need not be shorter.
     if scenario.weight <= 0.0 {
         return best;
@@ -63,8 +67,7 @@ pub(super) fn fold(
             break;
         };
         let straight = straightened(scenario, task, &cheaper.0, &cheaper.1);
-        best = straight.or(Some(cheaper));
-        best = best.map(|(path, known)| tightened(scenario, task, path, known));
+        best = straight.or(Some(cheaper)).map(tight);
     }
     best
 }
@@ -73,10 +76,10 @@ pub(super) fn fold(
 fn tightened(
     scenario: &Scenario,
     task: &Task,
+    shortener: &Shortener<'_>,
     mut path: Path,
     mut known: Verified,
 ) -> (Path, Verified) {
-    let shortener = Shortener::new(&scenario.workspace, task, scenario.weight);
     for _ in 0..AGAIN {
         let shorter = shortener.shorten(&path, SWEEPS).map(|(path, _)| path);
         let Some(shorter) = shorter else { break };

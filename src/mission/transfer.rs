@@ -11,14 +11,11 @@ use crate::automaton::Task;
 use crate::plan::{Cost, Path, PlanStats, StageSeconds};
 use crate::planner::{Problem, Progress, Sampler, Stop};
 use crate::scenario::Scenario;
-use crate::shorten::Shortener;
+use crate::shorten::{SWEEPS, Shortener};
 use crate::transfer::{
     self, BeyondRepair, BuildProgress, BuildSampler, BuildSettings, Built, Library, Repair,
     Replanned, Reused,
 };
-
-/// Passes over the points of a plan that is shortened.
-const SWEEPS: usize = 12;
 
 /// Builds a library from a scenario's mission. The sampler is `uniform` as in the paper, or `guided` by
 /// the heatmap of that mission; `auto` is uniform. Told beside the library is what a user should know of the device.

@@ -2,9 +2,9 @@
 
 use nalgebra::Point2;
 
-use super::Shortener;
 use super::chain::{Chain, length};
-use super::enter::{SWEEPS, Walk};
+use super::enter::Walk;
+use super::{SWEEPS, Shortener};
 use crate::plan::{Cost, Path};
 
 /// The points between two stops, by the numbers of the stops; that of the point where the suffix closes is the

@@ -3,9 +3,9 @@
 //! Where a unit of the prefix costs more than one of the suffix, a longer round is cheap if it makes the prefix shorter,
 //! down to a round that begins at the start.
 
-use super::Shortener;
 use super::chain::{Chain, length};
-use super::enter::{SWEEPS, Walk};
+use super::enter::Walk;
+use super::{SWEEPS, Shortener};
 use crate::plan::{Cost, Path};
 
 /// How many beginnings are given to the automaton, the cheapest first.

@@ -2,9 +2,9 @@
 
 use nalgebra::Point2;
 
-use super::Shortener;
 use super::chain::{Chain, MIN_WEIGHT, length};
 use super::pull::star_point;
+use super::{SWEEPS, Shortener};
 use crate::plan::{Cost, Path};
 
 /// How many places are tried, the best first.
@@ -12,9 +12,6 @@ const TRIES: usize = 5;
 
 /// To how many places ways around obstacles are looked for, the best first.
 const WALKED: usize = 4 * TRIES;
-
-/// Passes over the points of a plan that is entered elsewhere.
-pub(super) const SWEEPS: usize = 12;
 
 /// A place at which the prefix could meet the suffix.
 struct Meeting {

@@ -3,9 +3,9 @@
 use nalgebra::Point2;
 use rustc_hash::{FxHashMap, FxHashSet};
 
-use super::Shortener;
 use super::chain::{Chain, length};
-use super::enter::{SWEEPS, Walk};
+use super::enter::Walk;
+use super::{SWEEPS, Shortener};
 use crate::plan::{self, Cost, Path};
 
 /// Parts of plans with more visits are left as they are: the number of orders that are looked at grows with its square.

@@ -350,6 +350,94 @@ fn visits_are_put_in_another_order_where_the_task_allows_it() {
     assert!(shortener.reorder(&plan, &walk, 1.0).is_none());
 }
 
+#[test]
+fn each_other_order_is_given_once() {
+    for (count, to_last) in [(3, false), (4, true), (6, false), (7, true)] {
+        let all = orders(count, to_last);
+        let mut once = all.clone();
+        once.sort();
+        once.dedup();
+        assert_eq!(once.len(), all.len(), "{count}");
+        let old: Vec<usize> = (0..count).collect();
+        for order in &all {
+            assert!(*order != old && order[0] == 0, "{order:?}");
+            assert!(!to_last || order[count - 1] == count - 1, "{order:?}");
+            let mut sorted = order.clone();
+            sorted.sort_unstable();
+            assert_eq!(sorted, old);
+        }
+    }
+}
+
+/// Between two visits a leg has a waypoint, since what is seen changes twice along it. That is no visit: six would be too many.
+#[test]
+fn waypoints_between_visits_are_no_visits() {
+    let xs = [0.1, 0.25, 0.4, 0.55, 0.7, 0.85];
+    let map = map(&[], &xs.map(|x| rectangle(x, 0.1, x + 0.05, 0.15)));
+    let text = "F l1 & F l2 & F l3 & F l4 & F l5 & F l6";
+    let task = task(&map, text);
+    let shortener = Shortener::new(&map, &task, 0.2);
+    let start = p(0.05, 0.3);
+    let mut points = vec![start];
+    points.extend([0, 1, 4, 3, 2, 5].map(|i| p(xs[i] + 0.02, 0.14)));
+    let given = path(&points, &points[6..]);
+    let (plan, cost) = shortener.shorten(&given, 20).unwrap();
+    assert!(plan.prefix.len() > 12, "{plan:?}");
+    let found = shortener.reorder(&plan, &walks(&map), 1.0).unwrap();
+    assert!(found.1.prefix < cost.prefix - 0.25, "{found:?} {cost:?}");
+    check(&map, text, start, &found, 0.2);
+}
+
+/// The order that is shorter once it is taut is longer before, as `l1` is passed deep inside.
+#[test]
+fn orders_are_tried_that_are_shorter_only_once_they_are_taut() {
+    let obstacles = [
+        rectangle(0.425, 0.525, 0.81, 0.94),
+        rectangle(0.5, 0.615, 0.935, 0.88),
+    ];
+    let regions = [
+        rectangle(0.225, 0.225, 0.315, 0.31),
+        rectangle(0.56, 0.17, 0.64, 0.28),
+        rectangle(0.325, 0.61, 0.375, 0.73),
+        rectangle(0.33, 0.25, 0.4, 0.325),
+    ];
+    let map = map(&obstacles, &regions);
+    let text = "F l3 & (!l2 U l1) & F l2 & G F (l1 & F l4) & (!l4 U l1)";
+    let task = task(&map, text);
+    let shortener = Shortener::new(&map, &task, 0.2);
+    let start = p(0.2663, 0.1378);
+    let [first, third, second] = [p(0.296, 0.2675), p(0.36, 0.62), p(0.57, 0.27)];
+    let [turn, back] = [p(0.34, 0.26), p(0.31, 0.26)];
+    let given = path(&[start, first, third, second, turn], &[turn, back, turn]);
+    let (plan, cost) = shortener.shorten(&given, 20).unwrap();
+    let found = shortener.reorder(&plan, &walks(&map), SLACK).unwrap();
+    assert!(found.1.total < 0.98 * cost.total, "{found:?} {cost:?}");
+    check(&map, text, start, &found, 0.2);
+}
+
+#[test]
+fn three_waypoints_across_a_border_slide_along_it_together() {
+    let map = map(&[], &[rectangle(0.4, 0.1, 0.9, 0.5)]);
+    // In, out and in again, far from where that is near.
+    let text = "F (l1 & F (!l1 & F G l1))";
+    let task = task(&map, text);
+    let start = p(0.45, 0.9);
+    let given = path(
+        &[
+            start,
+            p(0.85, 0.499999),
+            p(0.85, 0.500001),
+            p(0.85, 0.499998),
+        ],
+        &[p(0.85, 0.499998)],
+    );
+    let found = Shortener::new(&map, &task, 0.2)
+        .shorten(&given, SWEEPS)
+        .unwrap();
+    check(&map, text, start, &found, 0.2);
+    assert!(found.1.prefix < 0.401, "{:?}", found.1);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 

@@ -9,12 +9,11 @@
 mod ways;
 
 use std::collections::HashSet;
-use std::mem;
 use std::sync::Arc;
 
 use nalgebra::Point2;
 
-use super::{is_less, walked};
+use super::{AGAIN, is_less, walked};
 use crate::alphabet::Letter;
 use crate::automaton::Task;
 use crate::ltl::Formula;
@@ -74,8 +73,9 @@ pub(super) fn improve(
         refused: HashSet::new(),
     };
     let mut best = search.descend(path, known);
-    let mut is_new = true;
-    while mem::take(&mut is_new) {
+    // A prefix that costs nothing need not be shorter.
+    let again = if scenario.weight > 0.0 { AGAIN } else { 0 };
+    for _ in 0..again {
         let (path, known) = best.as_ref().map_or((path, known), |(p, v)| (p, v));
         let begins = stops(&path.prefix, &search.ways);
         let mut cheapest: Option<(Path, Verified)> = None;
@@ -89,8 +89,10 @@ pub(super) fn improve(
                 cheapest = Some(found);
             }
         }
-        is_new = cheapest.is_some();
-        best = cheapest.or(best);
+        if cheapest.is_none() {
+            break;
+        }
+        best = cheapest;
     }
     best
 }
@@ -135,8 +137,9 @@ impl Search<'_> {
     fn begin(&mut self, path: &Path, known: &Verified, begin: usize) -> Option<(Path, Verified)> {
         let walked = walked(&path.suffix, apart);
         let to = path.prefix[begin].at;
-        let round = |turn: usize| (turn > 0 || begin + 1 < path.prefix.len()).then_some(turn);
-        let turns = (0..path.suffix.len()).filter_map(round);
+        // A round goes somewhere.
+        let first = usize::from(begin + 1 == path.prefix.len());
+        let turns = first..path.suffix.len();
         let mut rounds: Vec<(f64, Change)> = turns
             .map(|turn| {
                 let length = walked[turn] + self.ways.length(path.suffix[turn].at, to);
@@ -175,8 +178,9 @@ impl Search<'_> {
         // Only with X, or for an automaton, does it matter how long a letter stays.
         let stutters = self.task.formula.as_ref().is_none_or(Formula::has_next);
         for change in put_off.into_iter().filter(|_| stutters).take(tries) {
-            let changed = change.apply(path, &mut self.ways)?;
-            if let Verdict::Cheaper(verified) = self.judge(&changed, limit) {
+            if let Some(changed) = change.apply(path, &mut self.ways)
+                && let Verdict::Cheaper(verified) = self.judge(&changed, limit)
+            {
                 return Some((changed, verified));
             }
         }

@@ -278,3 +278,53 @@ d = [[0.8, 0.8], [0.9, 0.8], [0.9, 0.9]]
         assert!(why.to_string().contains("all of `a`, `b` and `c`"), "{why}");
     }
 }
+
+/// `a` is covered by `b` and `c` together, though by neither of them; and nine regions apart from each other in one conjunct.
+#[test]
+fn what_several_regions_cover_together_and_conjuncts_of_many_regions_are_explained() {
+    let mut text = r#"
+start = [0.1, 0.1]
+task = "F (a & !b & !c)"
+[workspace]
+bounds = [[0, 0], [1, 1]]
+[workspace.regions]
+a = [[0.4, 0.4], [0.6, 0.4], [0.6, 0.6], [0.4, 0.6]]
+b = [[0.4, 0.4], [0.5, 0.4], [0.5, 0.6], [0.4, 0.6]]
+c = [[0.5, 0.4], [0.6, 0.4], [0.6, 0.6], [0.5, 0.6]]
+"#
+    .to_owned();
+    for (k, name) in ["r1", "r2", "r3", "r4", "r5", "r6", "r7", "r8"]
+        .iter()
+        .enumerate()
+    {
+        let (x, y) = (0.1 * k as f64, 0.9);
+        let (right, top) = (x + 0.05, y + 0.05);
+        text += &format!("{name} = [[{x}, {y}], [{right}, {y}], [{right}, {top}], [{x}, {top}]]\n");
+    }
+    let spec: ScenarioSpec = toml::from_str(&text).unwrap();
+    let explained = |task: &str| {
+        let spec = ScenarioSpec {
+            task: Some(task.to_owned()),
+            ..spec.clone()
+        };
+        let scenario = Scenario::from_spec(&spec).unwrap();
+        let why = mission::plan(&scenario, &Options::default()).expect_err(task);
+        let MissionError::NotOnThisMap(why) = why else {
+            panic!("{task}: {why}");
+        };
+        why
+    };
+    let within = LetterFact::Within {
+        regions: vec!["a".to_owned()],
+        others: vec!["b".to_owned(), "c".to_owned()],
+    };
+    let why = explained("F (a & !b & !c)");
+    assert_eq!(why.facts, [within]);
+    assert!(why.to_string().contains("`a` lies in `b` or `c`"), "{why}");
+    let disjoint = LetterFact::Disjoint {
+        region: "r1".to_owned(),
+        other: "a".to_owned(),
+    };
+    let why = explained("F (r1 & a | r1 & r2 & r3 & r4 & r5 & r6 & r7 & r8 & a)");
+    assert_eq!(why.facts, [disjoint]);
+}

@@ -41,6 +41,14 @@ impl<'l> Watch<'l> {
         }
     }
 
+    /// Other limits by the same clock.
+    pub(super) fn within<'m>(&self, limits: &'m Limits) -> Watch<'m> {
+        Watch {
+            limits,
+            start: self.start,
+        }
+    }
+
     /// Fails when the time is over.
     pub(super) fn tick(&self) -> Result<(), TranslateError> {
         match self.limits.time {

@@ -159,7 +159,7 @@ impl Tableau<'_> {
                 for &item in &items {
                     terms.extend(self.expand(item)?.iter().cloned());
                 }
-                self.prune(terms)
+                self.prune(terms)?
             }
             Node::Next(a) => vec![Term {
                 owed: self.owe([a]),
@@ -171,7 +171,7 @@ impl Tableau<'_> {
                 let later = self.later(id, a, pending);
                 let mut terms = self.expand(a)?.to_vec();
                 terms.push(later);
-                self.prune(terms)
+                self.prune(terms)?
             }
             Node::Globally(a) => {
                 let now = self.expand(a)?;
@@ -187,7 +187,7 @@ impl Tableau<'_> {
                 let waiting = self.expand(a)?;
                 let mut terms = self.product(&waiting, &[later])?;
                 terms.extend(self.expand(b)?.iter().cloned());
-                self.prune(terms)
+                self.prune(terms)?
             }
             Node::Release(a, b) | Node::Strong(a, b) => {
                 let pending = match self.arena.node(id) {
@@ -253,12 +253,12 @@ impl Tableau<'_> {
                 });
             }
         }
-        Ok(self.prune(terms))
+        self.prune(terms)
     }
 
     /// Unites terms that differ in their letters alone, and takes away letters on which another term
     /// asks for less.
-    fn prune(&mut self, mut terms: Vec<Term>) -> Vec<Term> {
+    fn prune(&mut self, mut terms: Vec<Term>) -> Result<Vec<Term>, TranslateError> {
         if terms.len() > 1 {
             terms.sort_by(|a, b| (a.pending, &a.owed).cmp(&(b.pending, &b.owed)));
             terms.dedup_by(|t, kept| {
@@ -270,6 +270,9 @@ impl Tableau<'_> {
             });
         }
         for i in 0..terms.len() {
+            if i % 64 == 63 {
+                self.watch.tick()?;
+            }
             for j in 0..terms.len() {
                 if i == j || terms[j].letters.is_disjoint(&terms[i].letters) {
                     continue;
@@ -287,7 +290,7 @@ impl Tableau<'_> {
             }
         }
         terms.retain(|t| !t.letters.is_empty());
-        terms
+        Ok(terms)
     }
 
     /// Whether every formula of `weak` is dominated by one of `strong`.

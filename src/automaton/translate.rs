@@ -217,9 +217,9 @@ fn negation(lowered: &mut Lowered, watch: &Watch<'_>) -> Result<Option<Graph>, T
     let limits = Limits {
         states: NEGATION_EDGES,
         transitions: NEGATION_EDGES,
-        time: None,
+        time: watch.limits.time,
     };
-    let built = tableau::build(&mut lowered.arena, negated, &Watch::new(&limits));
+    let built = tableau::build(&mut lowered.arena, negated, &watch.within(&limits));
     watch.tick()?;
     let Ok(mut graph) = built else {
         return Ok(None);

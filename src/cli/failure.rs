@@ -4,12 +4,12 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::automaton::{TaskError, TranslateError};
+use crate::automaton::{HoaError, HoaErrorKind, TaskError, TranslateError};
 use crate::exact::Infeasible;
 use crate::mission::MissionError;
 use crate::plan::PlanFileError;
 use crate::planner::PlanError;
-use crate::scenario::{ScenarioError, ScenarioErrorKind};
+use crate::scenario::{ScenarioError, ScenarioErrorKind, snippet};
 
 /// The version of everything that `--json` prints.
 pub(super) const JSON_VERSION: u32 = 1;
@@ -54,6 +54,12 @@ impl Failure {
             told: false,
             details: Box::default(),
         }
+    }
+
+    /// Puts what it is about, as a file's name, before the message.
+    pub(super) fn of(mut self, what: &str) -> Self {
+        self.message = format!("{what}: {}", self.message);
+        self
     }
 
     /// Leaves the JSON object out: the result was printed already.
@@ -107,15 +113,31 @@ impl From<ScenarioError> for Failure {
     }
 }
 
+/// The outcome of a translation, or of reading an automaton, that hit a limit which is a setting.
+const LIMIT: &str = "translation-limit";
+
 impl From<TranslateError> for Failure {
     fn from(e: TranslateError) -> Self {
         let option = match &e {
-            TranslateError::States { .. } => " (--max-states)",
-            TranslateError::Transitions { .. } => " (--max-transitions)",
-            TranslateError::Time { .. } => " (--max-translation)",
-            _ => "",
+            TranslateError::States { .. } => "--max-states",
+            TranslateError::Transitions { .. } => "--max-transitions",
+            TranslateError::Time { .. } => "--max-translation",
+            _ => return Self::input(e.to_string()),
         };
-        Self::input(format!("{e}{option}"))
+        Self::negative(LIMIT, format!("{e} ({option})"))
+    }
+}
+
+impl From<&HoaError> for Failure {
+    fn from(e: &HoaError) -> Self {
+        let failure = match &e.kind {
+            HoaErrorKind::States { .. } => Self::negative(LIMIT, format!("{e} (--max-states)")),
+            HoaErrorKind::Transitions { .. } => {
+                Self::negative(LIMIT, format!("{e} (--max-transitions)"))
+            }
+            _ => Self::input(e.to_string()),
+        };
+        failure.with_snippet(Some(snippet::show(&e.source, e.line, &e.place())))
     }
 }
 

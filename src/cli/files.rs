@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::args::MissionArgs;
 use super::console::Console;
 use super::failure::Failure;
-use crate::automaton::{Limits, Nba, read_hoa};
+use crate::automaton::{Limits, Nba, read_hoa, read_hoa_stream};
 use crate::dataset::{FormulaList, FormulaListError};
 use crate::guidance::Heatmap;
 use crate::plan::write_atomically;
@@ -159,10 +159,12 @@ pub(super) fn automaton(file: &Path, scenario: &Scenario, limits: &Limits) -> Re
     let name = file.display().to_string();
     let text = read_text(file).map_err(|e| Failure::input(format!("{name}: {e}")))?;
     let letters = Arc::clone(scenario.workspace.alphabet());
-    let nba = read_hoa(&text, letters, limits).map_err(|e| {
-        let lines = snippet::show(&e.source, e.line, &e.place());
-        Failure::input(format!("{name}: {e}")).with_snippet(Some(lines))
-    })?;
+    let nba = read_hoa(&text, letters, limits).map_err(|e| Failure::from(&e).of(&name))?;
+    let accept_nothing = |all: Vec<Nba>| all.iter().all(|nba| nba.trimmed().is_empty());
+    if nba.trimmed().is_empty() && read_hoa_stream(&text, limits).is_ok_and(accept_nothing) {
+        let says = "the automaton accepts nothing, on any map: no cycle that can be reached from `Start:` is accepting";
+        return Err(Failure::negative("unsatisfiable", format!("{name}: {says}")));
+    }
     if scenario.grid.is_some() {
         // On a grid every waypoint is a letter, so counting them means something.
         return Ok(nba);
@@ -172,9 +174,10 @@ pub(super) fn automaton(file: &Path, scenario: &Scenario, limits: &Limits) -> Re
         Ok(false) => Err(Failure::input(format!(
             "{name}: the automaton counts repeated letters, which have no meaning while a robot moves continuously: give one without X (next)"
         ))),
-        Err(e) => Err(Failure::input(format!(
-            "{name}: whether the automaton counts repeated letters could not be decided: {e}"
-        ))),
+        Err(e) => {
+            let what = "whether the automaton counts repeated letters could not be decided";
+            Err(Failure::from(e).of(&format!("{name}: {what}")))
+        }
     }
 }
 

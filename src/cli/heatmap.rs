@@ -15,7 +15,7 @@ pub(super) fn run(args: &HeatmapArgs, console: &Console) -> Result<(), Failure> 
     files::heatmap_format(&args.out)?;
     files::check_folders([args.out.as_path()])?;
     let scenario = files::scenario(&args.mission, console)?;
-    let task = mission::task(&scenario)?;
+    let task = mission::task_within(&scenario, &(&args.limits).into())?;
     let options = Options {
         device: args.network.device.into(),
         model: args.network.model.clone(),

@@ -102,7 +102,7 @@ pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Fa
         }
         false => None,
     };
-    let task = mission::task(&scenario)?;
+    let task = mission::task_within(&scenario, &(&args.limits).into())?;
     let options = Options {
         sampler,
         device: args.network.device.into(),
@@ -113,6 +113,7 @@ pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Fa
         seed: args.seed,
         samples: args.samples,
         nodes: args.nodes,
+        time_limit: args.time_limit,
         ..BuildSettings::default()
     };
     let stop = super::interrupt::stop_on_interrupt();
@@ -143,9 +144,10 @@ pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Fa
         let why = match built.subtasks {
             0 => "the mission has no subtask that asks for a path".to_owned(),
             n => format!(
-                "no path was found for any of its {} within {}; give it more --samples",
+                "no path was found for any of its {} within {}; give it {}",
                 count(n, "subtask"),
                 count(built.samples as usize, "sample"),
+                if built.samples < args.samples { "more time" } else { "more --samples" },
             ),
         };
         return Err(Failure::negative(

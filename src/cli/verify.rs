@@ -8,7 +8,6 @@ use super::args::VerifyArgs;
 use super::console::{Console, rest};
 use super::failure::{Failure, JSON_VERSION};
 use super::files;
-use crate::automaton::Limits;
 use crate::mission;
 use crate::plan::{Cost, PlanFile};
 use crate::scenario::{Overrides, ScenarioText};
@@ -55,7 +54,7 @@ pub(super) fn run(args: &VerifyArgs, console: &Console) -> Result<(), Failure> {
     let stated_weight = plan.weight.unwrap_or(scenario.weight);
     let weight = args.mission.weight.unwrap_or(stated_weight);
     let automaton = match &args.automaton {
-        Some(file) => Some(files::automaton(file, &scenario, &Limits::default())?),
+        Some(file) => Some(files::automaton(file, &scenario, &(&args.limits).into())?),
         None => None,
     };
     let stated = plan.cost.as_ref();

@@ -158,7 +158,9 @@ impl ParseError {
             ParseErrorKind::UnterminatedName => "a quoted name has no end".to_owned(),
             ParseErrorKind::EmptyName => "a quoted name is empty".to_owned(),
             ParseErrorKind::TooDeep { limit } => {
-                format!("the formula is nested deeper than {limit} levels")
+                format!(
+                    "the formula's tree is deeper than {limit} levels (each `&` and `|` of a chain is one)"
+                )
             }
             ParseErrorKind::Unsupported(_) => "unsupported syntax".to_owned(),
             ParseErrorKind::UnknownProposition { name, .. } => {

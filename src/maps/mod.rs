@@ -27,6 +27,7 @@ use std::path::Path;
 use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 
+use crate::number::Brief;
 use crate::workspace::{Bounds, MAX_COORDINATE, Polygon};
 
 pub use error::{MapError, MapErrorKind};
@@ -299,7 +300,8 @@ fn assemble(
     if let Some(p) = frame.iter().chain(rings).find(|p| far(p)) {
         let message = format!(
             "the map reaches to ({}, {}): coordinates must lie within ±{MAX_COORDINATE:e} metres",
-            p.x, p.y
+            Brief(p.x),
+            Brief(p.y)
         );
         return Err(MapErrorKind::Syntax(message));
     }

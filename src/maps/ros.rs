@@ -162,6 +162,7 @@ fn one(fields: &Fields, name: &str) -> Result<(usize, String), Fault> {
         None => Err(missing(name)),
         Some((line, values)) => match values.as_slice() {
             [value] => Ok((*line, value.clone())),
+            [] => Err(wrong(fields, name, "has no value")),
             _ => Err(wrong(fields, name, "should be one value, not a list")),
         },
     }

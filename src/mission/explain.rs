@@ -20,7 +20,10 @@ use crossing::Crossing;
 
 /// Parts of formulas over more regions than this are not explained in detail: there are automata to make over all sets of the
 /// regions.
-const MAX_REGIONS: usize = 7;
+const MAX_REGIONS: usize = 10;
+
+/// Of parts over more regions than this, facts about one or two regions are looked at, and none about three or more.
+const MAX_TOGETHER: usize = 7;
 
 /// So many pairs of conjuncts are looked at, at most.
 const PAIRS: usize = 256;
@@ -60,8 +63,21 @@ pub enum LetterFact {
         /// The outer one.
         other: String,
     },
+    /// Every free point that lies in all of some regions lies in one of the others, though in no smaller number of these, and
+    /// of the points in fewer of those some do not.
+    Within {
+        /// The regions that all hold.
+        regions: Vec<String>,
+        /// The others, of which one does.
+        others: Vec<String>,
+    },
     /// Every free point lies in one of the regions that the formula names.
     Covered,
+}
+
+/// Names as they stand in a sentence.
+fn quoted(names: &[String]) -> Vec<String> {
+    names.iter().map(|n| format!("`{n}`")).collect()
 }
 
 impl fmt::Display for LetterFact {
@@ -75,11 +91,16 @@ impl fmt::Display for LetterFact {
                 write!(f, "`{region}` and `{other}` have no free point in common")
             }
             Self::Apart { regions } => {
-                let names: Vec<String> = regions.iter().map(|r| format!("`{r}`")).collect();
-                write!(f, "no free point lies in all of {}", join(&names))
+                write!(f, "no free point lies in all of {}", join(&quoted(regions)))
             }
             Self::Inside { region, other } => {
                 write!(f, "every free point of `{region}` lies in `{other}`")
+            }
+            Self::Within { regions, others } => {
+                let all = if regions.len() > 1 { "all of " } else { "" };
+                let regions = join(&quoted(regions));
+                let others = quoted(others).join(" or ");
+                write!(f, "every free point of {all}{regions} lies in {others}")
             }
             Self::Covered => {
                 f.write_str("every free point lies in one of the regions that the task names")
@@ -162,6 +183,10 @@ impl NotOnThisMap {
                 region: name(i),
                 other: name(j),
             },
+            Fact::Within { all, any } => LetterFact::Within {
+                regions: all.iter().map(name).collect(),
+                others: any.iter().map(name).collect(),
+            },
             Fact::Some => LetterFact::Covered,
         };
         Some(Self {
@@ -217,6 +242,11 @@ enum Fact {
     Implies(usize, usize),
     /// Three or more, though any fewer of them occur together.
     NotAll(Props),
+    /// Where all of some hold, one of others does: three or more regions, and none can be left out.
+    Within {
+        all: Props,
+        any: Props,
+    },
     Some,
 }
 
@@ -241,19 +271,47 @@ impl Fact {
                 }
             }
         }
-        let meet = |set: Props| occurs(&|p| set.0 & !p.0 == 0);
-        for set in 1_u64..1 << seen.len().min(MAX_REGIONS) {
-            let members = Props(set).iter().map(|k| seen[k]);
-            let set = members.fold(Props::EMPTY, Props::with);
-            let mut fewer = set.iter().map(|i| Props(set.0 & !(1 << i)));
-            if set.len() > 2 && !meet(set) && fewer.all(meet) {
-                facts.push(Self::NotAll(set));
-            }
-        }
+        // Those of fewer regions first: of facts that serve as well, the first are told.
         if !occurs(&|p| regions.iter().all(|&i| !p.contains(i))) {
             facts.push(Self::Some);
         }
+        if seen.len() <= MAX_TOGETHER {
+            facts.extend(Self::of_three_or_more(&letters, &seen));
+        }
         facts
+    }
+
+    /// What holds of three or more regions together, each of which is needed for it. With the facts about one and two regions these say all
+    /// that the letters do, but for what is covered by no region.
+    fn of_three_or_more(letters: &[Props], seen: &[usize]) -> impl Iterator<Item = Self> {
+        let members = |set: u64| {
+            let members = Props(set).iter().map(|k| seen[k]);
+            members.fold(Props::EMPTY, Props::with)
+        };
+        let subsets: Vec<Props> = (0..1_u64 << seen.len()).map(members).collect();
+        // Whether nowhere all of the first hold and none of the second.
+        let holds = |all: Props, any: Props| {
+            let breaks = |p: &Props| all.0 & !p.0 == 0 && any.0 & p.0 == 0;
+            !letters.iter().any(breaks)
+        };
+        let without = |set: Props, i: usize| Props(set.0 & !(1 << i));
+        let least = |all: Props, any: Props| {
+            let fewer_all = all.iter().any(|i| holds(without(all, i), any));
+            let fewer_any = any.iter().any(|i| holds(all, without(any, i)));
+            holds(all, any) && !fewer_all && !fewer_any
+        };
+        let mut found = Vec::new();
+        for &all in subsets.iter().filter(|all| all.len() > 0) {
+            for &any in subsets.iter().filter(|any| any.0 & all.0 == 0) {
+                if all.len() + any.len() > 2 && least(all, any) {
+                    found.push(match any.len() {
+                        0 => Self::NotAll(all),
+                        _ => Self::Within { all, any },
+                    });
+                }
+            }
+        }
+        found.into_iter()
     }
 }
 
@@ -275,6 +333,7 @@ fn rule_out(facts: &[Fact], formula: &Formula, alphabet: &Alphabet, limits: &Lim
             Fact::NotBoth(i, j) => !(has(i) && has(j)),
             Fact::Implies(i, j) => !has(i) || has(j),
             Fact::NotAll(regions) => !regions.iter().all(has),
+            Fact::Within { all, any } => !all.iter().all(has) || any.iter().any(has),
             Fact::Some => set != 0,
         })
     };
@@ -463,10 +522,7 @@ impl Unreachable {
 
     /// How it is not allowed to go where it can go.
     fn crossing_reason(&self) -> String {
-        let quoted = |names: &[String]| {
-            let all: Vec<String> = names.iter().map(|n| format!("`{n}`")).collect();
-            join(&all)
-        };
+        let quoted = |names: &[String]| join(&quoted(names));
         let what = match &self.beyond[..] {
             [] => "the task cannot be done".to_owned(),
             beyond => format!("{} cannot be reached", quoted(beyond)),
@@ -568,8 +624,8 @@ impl Walls {
         }
         let mut text = format!("{what} is walled in by {}", join(&by));
         if self.around_start && !self.regions.is_empty() {
-            let names: Vec<String> = self.regions.iter().map(|r| format!("`{r}`")).collect();
-            text.push_str(&format!(", together with {}", join(&names)));
+            let regions = join(&quoted(&self.regions));
+            text.push_str(&format!(", together with {regions}"));
         }
         text
     }

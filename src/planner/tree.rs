@@ -520,11 +520,31 @@ impl<'a> Tree<'a> {
         self.pass_on();
     }
 
+    /// As [`Self::settle_states`], from some of its nodes alone. Those that are new or got cheaper are added to them.
+    pub(crate) fn settle_nodes(&mut self, site: SiteId, nodes: &mut Vec<NodeId>) {
+        let mut open = std::mem::take(&mut self.open);
+        open.extend_from_slice(nodes);
+        self.settle_from(site, &mut open, |changed| nodes.push(changed));
+        self.open = open;
+        self.pass_on();
+    }
+
     /// As [`Self::settle_states`], and what follows further on is still owed.
     fn settle(&mut self, site: SiteId) {
-        let Spot { at, letter } = self.site_spot(site);
         let mut open = std::mem::take(&mut self.open);
         open.extend(self.at_site(site).iter().map(|&(_, n)| n));
+        self.settle_from(site, &mut open, |_| {});
+        self.open = open;
+    }
+
+    /// Reads the letter of a place from each of the open nodes, which are its own, until nothing gets cheaper.
+    fn settle_from(
+        &mut self,
+        site: SiteId,
+        open: &mut Vec<NodeId>,
+        mut changed_there: impl FnMut(NodeId),
+    ) {
+        let Spot { at, letter } = self.site_spot(site);
         while let Some(node) = open.pop() {
             let (state, cost) = (self.state(node), self.cost(node));
             for k in self.steps.range(letter, state) {
@@ -538,10 +558,10 @@ impl<'a> Tree<'a> {
                 }
                 if let Some(changed) = self.connect(site, target, cost, node.0) {
                     open.push(changed);
+                    changed_there(changed);
                 }
             }
         }
-        self.open = open;
     }
 
     /// Makes `(site, state)` reachable at `cost` from `parent`, if that is new or cheaper.

@@ -10,6 +10,7 @@ use super::locate::Step;
 use super::read::Source;
 use super::spec::{RegionSpecs, ScenarioFile, ScenarioSpec, WorkspaceSpec};
 use crate::maps::{self, ImportedMap, inflate::inflate, split::split};
+use crate::system::GridError;
 use crate::workspace::Polygon;
 
 /// A scenario in plain polygons, and what to call its obstacles (nothing: by their numbers).
@@ -60,8 +61,19 @@ pub(super) fn resolve(
         (None, Some(map), _) => [map.bounds.min.into(), map.bounds.max.into()],
         (None, None, Some(grid)) => [[0.0; 2], grid.cells.map(|n| f64::from(n) * grid.cell)],
         (None, None, None) => {
-            let kind = missing("bounds` in `workspace");
-            return Err(fail(kind, &[Step::Key("workspace")]));
+            let workspace_key = Step::Key("workspace");
+            return Err(match workspace.grid {
+                // The grid would say how large the map is, if it were one.
+                Some(grid) => {
+                    let [columns, rows] = grid.cells;
+                    let why = match grid.cells.contains(&0) {
+                        true => GridError::Cells { columns, rows },
+                        false => GridError::Side { cell: grid.cell },
+                    };
+                    fail(Kind::Grid(why), &[workspace_key, Step::Key("grid")])
+                }
+                None => fail(missing("bounds` in `workspace"), &[workspace_key]),
+            });
         }
     };
     if radius > 0.0 && !(bounds[0][0] < bounds[1][0] && bounds[0][1] < bounds[1][1]) {

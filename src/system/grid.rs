@@ -37,6 +37,12 @@ pub enum GridError {
         /// Cells along y.
         rows: u32,
     },
+    /// A cell has no side.
+    #[error("a grid whose cells have a side of {}: expected a length above 0", Brief(*cell))]
+    Side {
+        /// What was given.
+        cell: f64,
+    },
     /// The cells do not cover the map.
     #[error(
         "{columns} × {rows} cells of side {} do not cover the map of {} × {}: expected columns · side = width and rows · side = height", Brief(*cell), Brief(*width), Brief(*height)
@@ -490,9 +496,12 @@ fn check_extent(map: &Workspace, columns: u32, rows: u32, cell: f64) -> Result<(
     if count == 0 || count > MAX_CELLS {
         return Err(GridError::Cells { columns, rows });
     }
+    if cell.is_nan() || cell <= 0.0 {
+        return Err(GridError::Side { cell });
+    }
     let (width, height) = (map.bounds().width(), map.bounds().height());
     let fits = |n: u32, extent: f64| (f64::from(n) * cell - extent).abs() <= FIT * cell;
-    if cell > 0.0 && fits(columns, width) && fits(rows, height) {
+    if fits(columns, width) && fits(rows, height) {
         return Ok(());
     }
     Err(GridError::Extent {

@@ -8,14 +8,17 @@
 //! endpoints are taken out of the self-loop, so that a skill ends where it first could.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use rand::RngExt;
 use rayon::prelude::*;
 
+use super::budget::Budget;
 use super::library::{Library, Offer};
 use super::places::{PlaceId, Places};
 use super::skill::Skill;
 use super::subtasks::{Equivalence, Subtask, SubtaskGraph, loops};
+use crate::alphabet::LetterSet;
 use crate::automaton::{Distances, Nba, StateId, Task, Transition};
 use crate::guidance::{Guidance, Heatmap};
 use crate::planner::{Aim, GuidanceError, Guide, NodeId, Sampler, Settings, Stop, Tree, View};
@@ -37,6 +40,8 @@ pub struct BuildSettings {
     pub samples: u64,
     /// Product states of all subtrees together, at most (`n_max` of Alg. 2).
     pub nodes: u64,
+    /// Seconds to build for; `None` for no limit. The library then depends on the machine.
+    pub time_limit: Option<f64>,
     /// Settings of the trees and of guided sampling.
     pub search: Settings,
 }
@@ -47,6 +52,7 @@ impl Default for BuildSettings {
             seed: 0,
             samples: 2_000,
             nodes: 4_000_000,
+            time_limit: None,
             search: Settings::default(),
         }
     }
@@ -104,10 +110,12 @@ pub fn build(
     stop: &Stop,
     observe: &mut dyn FnMut(BuildProgress),
 ) -> Result<Built, GuidanceError> {
+    let began = Instant::now();
     let places = Places::new(system, start);
     let home = places.home(system);
     let graph = SubtaskGraph::new(&task.nba, &places, home, Equivalence::Match);
-    let groups = group(&task.nba, &places, &graph);
+    let budget = Budget::new(stop, began, settings.time_limit);
+    let groups = group(&task.nba, &places, &graph, &budget);
     let context = Context {
         system,
         places: &places,
@@ -115,6 +123,7 @@ pub fn build(
     };
     let mut trees: Vec<Subtree<'_>> = groups
         .iter()
+        .take_while(|_| !budget.is_over())
         .map(|g| Subtree::new(context, g, start, sampler))
         .collect::<Result<_, _>>()?;
     let mut random = generator(settings.seed, 0);
@@ -124,7 +133,7 @@ pub fn build(
         found: 0,
         subtasks: groups.iter().map(|g| g.terminals.len()).sum(),
     };
-    while !trees.is_empty() && progress.samples < settings.samples && !stop.is_raised() {
+    while !trees.is_empty() && progress.samples < settings.samples && !budget.is_over() {
         let count = BATCH.min(settings.samples - progress.samples);
         let batch: Vec<Spot> = (0..count)
             .filter_map(|_| sample(&trees, &mut random))
@@ -167,23 +176,25 @@ struct Group {
 }
 
 /// Divides subtasks by their starting endpoints (III-B). Stays, and subtasks that end outside of
-/// regions, need no path.
-fn group(nba: &Nba, places: &Places, graph: &SubtaskGraph) -> Vec<Group> {
+/// regions, need no path. Where the time is over, those that come last are left out.
+fn group(nba: &Nba, places: &Places, graph: &SubtaskGraph, budget: &Budget) -> Vec<Group> {
     let mut sorted: Vec<&Subtask> = graph
         .subtasks
         .iter()
         .filter(|s| s.from.position.place != s.to.position.place && !s.to.position.outside)
         .collect();
     let key = |s: &Subtask| (s.from.position.place, s.from.state);
+    let labels = loops(nba);
     sorted.sort_by_key(|s| (key(s), s.to));
     sorted
         .chunk_by(|a, b| key(a) == key(b))
-        .map(|subtasks| Group::new(nba, places, subtasks))
+        .take_while(|_| !budget.is_over())
+        .map(|subtasks| Group::new(nba, places, &labels, subtasks))
         .collect()
 }
 
 impl Group {
-    fn new(nba: &Nba, places: &Places, subtasks: &[&Subtask]) -> Self {
+    fn new(nba: &Nba, places: &Places, labels: &[LetterSet], subtasks: &[&Subtask]) -> Self {
         let from = subtasks[0].from.position.place;
         let mut states: Vec<StateId> = subtasks.iter().map(|s| s.to.state).collect();
         states.sort_unstable();
@@ -198,7 +209,7 @@ impl Group {
             .collect();
         terminals.sort_unstable();
         terminals.dedup();
-        let task = small_task(nba, places, from, &states, &terminals);
+        let task = small_task(nba, places, labels, (from, &states), &terminals);
         Self {
             from,
             terminals,
@@ -211,11 +222,10 @@ impl Group {
 fn small_task(
     nba: &Nba,
     places: &Places,
-    from: PlaceId,
-    states: &[StateId],
+    labels: &[LetterSet],
+    (from, states): (PlaceId, &[StateId]),
     terminals: &[(PlaceId, StateId)],
 ) -> Task {
-    let labels = loops(nba);
     let done = StateId(states.len() as u32 + 1);
     let mut first = nba.alphabet.none();
     first.insert(places.spot(from).letter);

@@ -1,5 +1,6 @@
 //! Transfer planning: skills that are learned once and reused (`transfer-planning.md`).
 
+mod budget;
 mod build;
 mod goals;
 mod learn;

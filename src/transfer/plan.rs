@@ -97,8 +97,8 @@ pub fn transfer(
         layout_seconds: (laid_out - began).as_secs_f64(),
         ..Reused::default()
     };
-    let mut search = Search::new(problem, &kit, sampler, settings);
-    let reason = search.run(stop, observe);
+    let mut search = Search::new(problem, &kit, sampler, settings, stop);
+    let reason = search.run(observe);
     let solution = search.finish(reason)?;
     let legs = SkillLegs::new(library);
     reused.prefix_legs = legs.mark(&solution.path.prefix);

@@ -2,10 +2,11 @@
 //! a node, directly or through other skills, are added to its tree.
 
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BinaryHeap, HashMap, HashSet};
 
 use smallvec::SmallVec;
 
+use super::budget::{Budget, STEPS};
 use super::library::{Library, Shelf};
 use super::matching::{Matching, Reuse};
 use super::places::{PlaceId, Places};
@@ -26,6 +27,8 @@ pub(crate) struct Kit<'a> {
     /// #T of the paper's Table I.
     pub(crate) subtasks: usize,
     labels: Vec<LetterSet>,
+    /// Endpoints of subtasks without a skill (𝒮_r).
+    unmatched: HashSet<(PlaceId, StateId)>,
     /// Points from which skills begin, and points of places in 𝒮_r, with their places.
     anchors: Vec<(PlaceId, Spot)>,
 }
@@ -51,6 +54,8 @@ impl<'a> Layout<'a> {
         let home = places.home(system);
         let graph = SubtaskGraph::new(nba, &places, home, Equivalence::None);
         let matching = Matching::new(nba, &places, &graph, &shelf);
+        let endpoints = matching.unmatched.iter();
+        let unmatched: HashSet<_> = endpoints.map(|e| (e.position.place, e.state)).collect();
         let mut anchors: Vec<(PlaceId, Spot)> = Vec::new();
         let ends = shelf
             .library
@@ -58,7 +63,9 @@ impl<'a> Layout<'a> {
             .iter()
             .flat_map(|s| [s.first(), s.last()])
             .filter_map(|s| Some((places.of(system, &s)?, s)));
+        let mut listed = HashSet::new();
         let idle = matching.unmatched.iter().map(|e| e.position.place);
+        let idle = idle.filter(|&place| listed.insert(place));
         for (place, spot) in ends.chain(idle.map(|p| (p, places.spot(p)))) {
             if !anchors.iter().any(|(_, s)| s.at == spot.at) {
                 anchors.push((place, spot));
@@ -67,6 +74,7 @@ impl<'a> Layout<'a> {
         Kit {
             subtasks: graph.len(),
             labels: loops(nba),
+            unmatched,
             system,
             nba,
             places,
@@ -81,9 +89,7 @@ impl Kit<'_> {
     /// Whether a place in an automaton state is worth connecting to: a skill begins there, or a
     /// subtask that has none (𝒦₁ ∪ 𝒮_r).
     fn is_endpoint(&self, place: PlaceId, state: StateId) -> bool {
-        let unmatched =
-            |e: &super::subtasks::Endpoint| e.position.place == place && e.state == state;
-        self.matching.begins(place, state) || self.matching.unmatched.iter().any(unmatched)
+        self.matching.begins(place, state) || self.unmatched.contains(&(place, state))
     }
 
     fn place_of(&self, spot: &Spot) -> Option<PlaceId> {
@@ -106,6 +112,13 @@ pub(crate) struct Reuser {
     open: BinaryHeap<Reverse<Entry<NodeId>>>,
     /// For each node, the cost at which its skills were added (`Used` of Alg. 5).
     used: Vec<f64>,
+    /// For each node, the least cost at which it was opened.
+    opened: Vec<f64>,
+    /// Nodes that a path passes, and that were not looked at as places where skills begin: a path that ends beside them does that. On
+    /// automata of thousands of states there are as many nodes at a site, and few of them are new.
+    passed: HashMap<SiteId, Vec<NodeId>>,
+    /// A buffer: nodes to look at.
+    arrived: Vec<NodeId>,
     /// For each skill, the sites of its waypoints, once it was used.
     sites: Vec<Vec<SiteId>>,
     /// Whether accepting points of paths are to be remembered.
@@ -131,9 +144,17 @@ impl Reuser {
     }
 
     fn offer_at(&mut self, kit: &Kit<'_>, tree: &Tree<'_>, node: NodeId, place: PlaceId) {
-        let cost = tree.cost(node);
-        let used = self.used.get(node.index()).copied();
-        if cost < used.unwrap_or(f64::INFINITY) && kit.matching.begins(place, tree.state(node)) {
+        let (cost, i) = (tree.cost(node), node.index());
+        if self.used.get(i).is_some_and(|&used| cost >= used)
+            || !kit.matching.begins(place, tree.state(node))
+        {
+            return;
+        }
+        if self.opened.len() <= i {
+            self.opened.resize(tree.len(), f64::INFINITY);
+        }
+        if cost < self.opened[i] {
+            self.opened[i] = cost;
             self.open.push(Reverse(Entry(cost, node)));
         }
     }
@@ -154,6 +175,7 @@ impl Reuser {
                         let there = tree.site_for(end);
                         let (reached, changed) = tree.hop(node, there, next, length);
                         if changed {
+                            self.passed.entry(there).or_default().push(reached);
                             self.offer_at(kit, tree, reached, place);
                         }
                     }
@@ -177,7 +199,16 @@ impl Reuser {
         if self.used.len() < tree.len() {
             self.used.resize(tree.len(), f64::INFINITY);
         }
-        if cost > tree.cost(node) || self.used[node.index()] <= cost {
+        let now = tree.cost(node);
+        if cost > now {
+            // It got cheaper since, and what is cheaper than it is now goes first.
+            if now < self.used[node.index()] && now < self.opened[node.index()] {
+                self.opened[node.index()] = now;
+                self.open.push(Reverse(Entry(now, node)));
+            }
+            return;
+        }
+        if self.used[node.index()] <= cost {
             return;
         }
         self.used[node.index()] = cost;
@@ -189,9 +220,20 @@ impl Reuser {
         }
     }
 
-    /// Adds all skills that can be reached (greedy use).
-    pub(crate) fn spread(&mut self, kit: &Kit<'_>, tree: &mut Tree<'_>) {
-        while !self.open.is_empty() {
+    /// Adds all skills that can be reached at a cost below a limit (greedy use), the cheapest first, unless the time is over.
+    pub(crate) fn spread(
+        &mut self,
+        kit: &Kit<'_>,
+        tree: &mut Tree<'_>,
+        limit: f64,
+        budget: &Budget,
+    ) {
+        let mut steps = 0_u64;
+        while self.next_cost().is_some_and(|cost| cost < limit) {
+            steps += 1;
+            if steps.is_multiple_of(STEPS) && budget.is_over() {
+                return;
+            }
             self.step(kit, tree);
         }
     }
@@ -239,7 +281,11 @@ impl Reuser {
             let site = self.sites[reuse.used.skill as usize][number];
             let state = reuse.run.state(i);
             let length = skill.leg(i - 1, reuse.used.backward);
-            (parent, _) = tree.hop(parent, site, state, length);
+            let (node, changed) = tree.hop(parent, site, state, length);
+            parent = node;
+            if changed {
+                self.passed.entry(site).or_default().push(node);
+            }
             if self.remember && i + 1 < count && kit.nba.is_accepting(state) {
                 self.continuations.push(Continuation {
                     node: parent,
@@ -249,11 +295,16 @@ impl Reuser {
             }
         }
         let site = tree.site_of(parent);
-        tree.settle_states(site);
-        for i in 0..tree.at_site(site).len() {
-            let (_, node) = tree.at_site(site)[i];
+        let mut arrived = std::mem::take(&mut self.arrived);
+        arrived.push(parent);
+        if let Some(passed) = self.passed.get_mut(&site) {
+            arrived.append(passed);
+        }
+        tree.settle_nodes(site, &mut arrived);
+        for node in arrived.drain(..) {
             self.offer_at(kit, tree, node, reuse.to);
         }
+        self.arrived = arrived;
     }
 }
 

@@ -10,6 +10,7 @@
 use std::collections::HashMap;
 use std::time::Instant;
 
+use super::budget::Budget;
 use super::build::one_move_away;
 use super::goals::{Closure, Goals};
 use super::reuse::{Kit, Reuser};
@@ -22,7 +23,7 @@ use crate::planner::{
 use crate::random::{Random, generator};
 use crate::system::{Spot, TransitionSystem};
 
-/// Iterations between two looks at the clock, the stop flag and the observer.
+/// Iterations between two reports to the observer, and between two looks at the cycles that are kept.
 const HEARTBEAT: u64 = 16;
 
 /// Goals that get a suffix tree of skills before any sampling, at most; the first that closes a cycle
@@ -55,6 +56,7 @@ pub(super) struct Search<'a> {
     settings: &'a Settings,
     random: Random,
     began: Instant,
+    budget: Budget,
     prefix: Tree<'a>,
     reuser: Reuser,
     goals: Goals,
@@ -77,7 +79,9 @@ impl<'a> Search<'a> {
         kit: &'a Kit<'a>,
         sampler: &'a Sampler,
         settings: &'a Settings,
+        stop: &Stop,
     ) -> Self {
+        let began = Instant::now();
         let nba = &problem.task.nba;
         Self {
             problem,
@@ -85,7 +89,8 @@ impl<'a> Search<'a> {
             sampler,
             settings,
             random: generator(settings.seed, 0),
-            began: Instant::now(),
+            began,
+            budget: Budget::new(stop, began, settings.time_limit),
             prefix: Tree::new(&*problem.system, nba, problem.start, &nba.initial),
             reuser: Reuser::new(kit, true),
             goals: Goals::default(),
@@ -105,8 +110,7 @@ impl<'a> Search<'a> {
     }
 
     /// Runs until the budget ends.
-    pub(super) fn run(&mut self, stop: &Stop, observe: &mut dyn FnMut(Progress)) -> EndReason {
-        let budget = self.settings.time_budget();
+    pub(super) fn run(&mut self, observe: &mut dyn FnMut(Progress)) -> EndReason {
         self.reuse_from_root();
         for _ in 0..EAGER_GOALS {
             if self.suffixes.iter().any(|s| s.tree.length().is_some()) {
@@ -128,13 +132,11 @@ impl<'a> Search<'a> {
                     nodes: self.trees().map(|t| t.len() as u64).sum(),
                     cost: self.best.as_ref().map(|b| b.cost.total),
                 });
-                if stop.is_raised() {
-                    return EndReason::Stopped;
-                }
-                if budget.is_some_and(|b| self.began.elapsed() >= b) {
-                    return EndReason::Time;
-                }
                 self.enter_cycles_again();
+            }
+            // On large automata one iteration takes a tenth of a second.
+            if let Some(reason) = self.budget.over() {
+                return reason;
             }
             self.iterate();
             self.note_first_plan();
@@ -149,7 +151,8 @@ impl<'a> Search<'a> {
             self.reuser.offer(self.kit, &self.prefix, node);
         }
         self.reuser.connect_states(self.kit, &mut self.prefix, root);
-        self.reuser.spread(self.kit, &mut self.prefix);
+        self.reuser
+            .spread(self.kit, &mut self.prefix, f64::INFINITY, &self.budget);
         self.look_at_prefix();
     }
 
@@ -198,6 +201,7 @@ impl<'a> Search<'a> {
             &mut self.prefix,
             site,
             f64::INFINITY,
+            &self.budget,
         );
         self.look_at_prefix();
     }
@@ -231,6 +235,7 @@ impl<'a> Search<'a> {
             &mut suffix.tree.tree,
             site,
             limit,
+            &self.budget,
         );
         let nba = &self.problem.task.nba;
         let closed = suffix.tree.close(&*self.problem.system, nba);
@@ -394,7 +399,7 @@ impl<'a> Search<'a> {
         let mut suffix = Suffix::new(self.kit, &self.prefix, goal);
         let resumed = self.reuser.continuations.iter();
         let resumed = resumed.filter(|c| c.node == goal);
-        suffix.seed(self.kit, nba, resumed, self.cycle_limit());
+        suffix.seed(self.kit, nba, resumed, self.cycle_limit(), &self.budget);
         self.stats.suffix_trees += 1;
         self.suffixes.push(suffix);
         let last = self.suffixes.len() - 1;
@@ -548,13 +553,18 @@ fn grow(
 }
 
 /// Lines 12 to 14: skills and endpoints that the new place leads to.
-fn take_skills(kit: &Kit<'_>, reuser: &mut Reuser, tree: &mut Tree<'_>, site: SiteId, limit: f64) {
+fn take_skills(
+    kit: &Kit<'_>,
+    reuser: &mut Reuser,
+    tree: &mut Tree<'_>,
+    site: SiteId,
+    limit: f64,
+    budget: &Budget,
+) {
     for i in 0..tree.at_site(site).len() {
         let (_, node) = tree.at_site(site)[i];
         reuser.offer(kit, tree, node);
     }
     reuser.connect_states(kit, tree, site);
-    while reuser.next_cost().is_some_and(|cost| cost < limit) {
-        reuser.step(kit, tree);
-    }
+    reuser.spread(kit, tree, limit, budget);
 }

@@ -12,6 +12,7 @@
 //! plus the way from m on; a way back to the goal costs J / (1 − β) in all (`transfer-planning.md`, (1)). Both trees
 //! grow by the same samples, so their costs converge to the least ones like those of any RRT*.
 
+use super::budget::{Budget, STEPS};
 use super::reuse::{Continuation, Kit, Reuser};
 use crate::automaton::Nba;
 use crate::plan::{Cost, Path, Waypoint};
@@ -58,6 +59,7 @@ impl<'a> Suffix<'a> {
         nba: &Nba,
         resumed: impl Iterator<Item = &'c Continuation>,
         limit: f64,
+        budget: &Budget,
     ) {
         let root = SiteId(0);
         let tree = &mut self.tree.tree;
@@ -71,8 +73,11 @@ impl<'a> Suffix<'a> {
         }
         self.reuser.connect_states(kit, tree, root);
         self.tree.close(kit.system, nba);
+        let mut steps = 0_u64;
         while let Some(cost) = self.reuser.next_cost() {
-            if cost >= self.tree.length().unwrap_or(f64::INFINITY).min(limit) {
+            steps += 1;
+            let late = steps.is_multiple_of(STEPS) && budget.is_over();
+            if late || cost >= self.tree.length().unwrap_or(f64::INFINITY).min(limit) {
                 break;
             }
             self.reuser.step(kit, &mut self.tree.tree);

@@ -30,6 +30,16 @@ pub enum HoaErrorKind {
         /// The limit.
         limit: usize,
     },
+    /// [`Limits::states`](crate::automaton::Limits::states) was hit.
+    States {
+        /// The limit.
+        limit: usize,
+    },
+    /// [`Limits::transitions`](crate::automaton::Limits::transitions) was hit.
+    Transitions {
+        /// The limit.
+        limit: usize,
+    },
     /// A proposition that is not one of the alphabet's.
     UnknownProposition {
         /// Its name.
@@ -52,6 +62,14 @@ impl fmt::Display for HoaErrorKind {
             ),
             Self::Inconsistent(what) => f.write_str(what),
             Self::TooLarge { what, limit } => write!(f, "{what}: at most {limit} are supported"),
+            Self::States { limit } => write!(
+                f,
+                "the automaton, as it stands or with accepting states, has more than {limit} states: raise the limit on states"
+            ),
+            Self::Transitions { limit } => write!(
+                f,
+                "the automaton, as it stands or with accepting states, has more than {limit} transitions: raise the limit on transitions"
+            ),
             Self::UnknownProposition { name, known } => write!(
                 f,
                 "proposition `{name}` is not one of the regions ({})",

@@ -55,7 +55,8 @@ impl<'t> Lexer<'t> {
     pub(super) fn new(text: &'t str) -> Result<Self, HoaError> {
         let mut lexer = Self {
             text,
-            at: 0,
+            // Some editors begin a file with a byte order mark.
+            at: if text.starts_with('\u{feff}') { 3 } else { 0 },
             token: Token::Eof,
             span: 0..0,
         };

@@ -78,14 +78,8 @@ fn convert(automaton: Automaton, limits: &Limits) -> Result<Nba, HoaErrorKind> {
     let graph = to_graph(&automaton);
     let order: Vec<u32> = (0..graph.marks).collect();
     let buchi = degeneralize(&graph, &order, 0, &Watch::new(limits)).map_err(|e| match e {
-        TranslateError::States { limit } => HoaErrorKind::TooLarge {
-            what: "states after degeneralisation",
-            limit,
-        },
-        TranslateError::Transitions { limit } => HoaErrorKind::TooLarge {
-            what: "transitions after degeneralisation",
-            limit,
-        },
+        TranslateError::States { limit } => HoaErrorKind::States { limit },
+        TranslateError::Transitions { limit } => HoaErrorKind::Transitions { limit },
         other => HoaErrorKind::Inconsistent(other.to_string()),
     })?;
     Ok(from_buchi(&buchi, alphabet))

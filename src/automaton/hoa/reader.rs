@@ -194,10 +194,7 @@ impl<'t> Reader<'t> {
             Ok(n) if n <= self.limits.states => Ok(n),
             _ => {
                 let limit = self.limits.states;
-                let what = "states";
-                Err(self
-                    .lexer
-                    .error_at(HoaErrorKind::TooLarge { what, limit }, span))
+                Err(self.lexer.error_at(HoaErrorKind::States { limit }, span))
             }
         }
     }
@@ -213,10 +210,7 @@ impl<'t> Reader<'t> {
                 Some(states) => HoaErrorKind::Inconsistent(format!(
                     "state {n} is not one of the {states} states"
                 )),
-                None => HoaErrorKind::TooLarge {
-                    what: "states",
-                    limit,
-                },
+                None => HoaErrorKind::States { limit },
             };
             return Err(self.lexer.error_at(kind, span));
         }
@@ -464,10 +458,8 @@ impl<'t> Reader<'t> {
             self.edges += 1;
             if self.edges > self.limits.transitions {
                 let limit = self.limits.transitions;
-                let what = "edges";
-                return Err(self
-                    .lexer
-                    .error_at(HoaErrorKind::TooLarge { what, limit }, span));
+                let kind = HoaErrorKind::Transitions { limit };
+                return Err(self.lexer.error_at(kind, span));
             }
             row.push((target, marks, guard));
         }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{ArgGroup, Args, Subcommand, ValueEnum};
 
 use super::dataset::{family_weight, share};
-use super::{DeviceName, GuidedArgs, NetworkArgs, count, seconds};
+use super::{DeviceName, GuidedArgs, LimitArgs, NetworkArgs, count, seconds};
 use crate::bench::COMPLEX_FROM;
 use crate::dataset::RANDOM_SHARE;
 use crate::dataset::maps::Family;
@@ -143,6 +143,8 @@ pub(in crate::cli) struct BenchMissionArgs {
         conflicts_with = "scenarios"
     )]
     pub(in crate::cli) mission_seed: u64,
+    #[command(flatten)]
+    pub(in crate::cli) limits: LimitArgs,
 }
 
 impl BenchMissionArgs {

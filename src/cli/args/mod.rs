@@ -306,6 +306,8 @@ pub(super) struct VerifyArgs {
     /// Check against this automaton (HOA) instead of the scenario's formula
     #[arg(long, value_name = "FILE.hoa", conflicts_with = "task")]
     pub(super) automaton: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) limits: LimitArgs,
 }
 
 /// Translate a formula to a Büchi automaton
@@ -404,6 +406,8 @@ pub(super) enum AutomatonFormat {
 pub(super) struct HeatmapArgs {
     #[command(flatten)]
     pub(super) mission: MissionArgs,
+    #[command(flatten)]
+    pub(super) limits: LimitArgs,
     #[command(flatten)]
     pub(super) network: NetworkArgs,
     /// Where to write the heatmap: .png for a picture, .npy for the numbers

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::{MissionArgs, NetworkArgs, PlanArgs, SamplerName, picture};
+use super::{LimitArgs, MissionArgs, NetworkArgs, PlanArgs, SamplerName, picture, seconds};
 use crate::transfer::BuildSettings;
 
 /// Build and look at libraries of skills
@@ -27,6 +27,8 @@ pub(in crate::cli) struct LibraryBuildArgs {
     #[command(flatten)]
     pub(in crate::cli) mission: MissionArgs,
     #[command(flatten)]
+    pub(in crate::cli) limits: LimitArgs,
+    #[command(flatten)]
     pub(in crate::cli) network: NetworkArgs,
     /// The file to write
     #[arg(long, value_name = "FILE")]
@@ -46,6 +48,9 @@ pub(in crate::cli) struct LibraryBuildArgs {
     /// End once all subtrees together hold so many product states
     #[arg(long, value_name = "N", default_value_t = BuildSettings::default().nodes, value_parser = clap::value_parser!(u64).range(1..))]
     pub(in crate::cli) nodes: u64,
+    /// End after so many seconds with what was learned by then, which depends on the machine
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub(in crate::cli) time_limit: Option<f64>,
     /// Draw map and skills as SVG
     #[arg(long, value_name = "FILE.svg", value_parser = picture("svg"))]
     pub(in crate::cli) svg: Option<PathBuf>,

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Instant;
 
-use crate::automaton::Task;
+use crate::automaton::{Limits, Task};
 use crate::bench::{Asked, Case, Live, Prediction};
 use crate::cli::args::BenchMissionArgs;
 use crate::cli::console::Console;
@@ -63,7 +63,7 @@ pub(in crate::cli) fn missions(
     predictor: &mut Predictor,
     console: &Console,
 ) -> Result<Vec<Case>, Failure> {
-    let found = read_all(paths, limit, console)?;
+    let found = read_all(paths, limit, &Limits::default(), console)?;
     let mut cases = cases(found, std::slice::from_mut(predictor), console)?;
     let predictions = cases.iter_mut().flat_map(|case| &mut case.predictions);
     predictions.for_each(|p| p.live = None);
@@ -80,7 +80,7 @@ pub(super) fn wanted(
     if paths.is_empty() {
         return drawn(args, stop, console);
     }
-    read_all(paths, args.limit, console)
+    read_all(paths, args.limit, &(&args.limits).into(), console)
 }
 
 /// Draws missions, each on a map of its own.
@@ -111,12 +111,13 @@ fn drawn(args: &BenchMissionArgs, stop: &Stop, console: &Console) -> Result<Vec<
 fn read_all(
     paths: &[PathBuf],
     limit: Option<usize>,
+    limits: &Limits,
     console: &Console,
 ) -> Result<Vec<Mission>, Failure> {
     let mut found = Vec::new();
     for path in paths {
         let left = limit.map_or(usize::MAX, |n| n - found.len());
-        found.extend(read(path, left, console)?);
+        found.extend(read(path, left, limits, console)?);
     }
     // Names tell missions apart, and two files may use the same.
     let mut names = HashSet::new();
@@ -133,7 +134,12 @@ fn read_all(
 
 /// The missions of a scenario file or of a data set's folder. Those that cannot be read or
 /// translated are told and left out.
-fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Failure> {
+fn read(
+    path: &Path,
+    limit: usize,
+    limits: &Limits,
+    console: &Console,
+) -> Result<Vec<Mission>, Failure> {
     let mut found = Vec::new();
     let skip = |why: String| console.warn(&format!("{}: left out: {why}", path.display()));
     if !path.exists() {
@@ -157,10 +163,10 @@ fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Fa
     let scenarios = Scenario::load_all(path).map_err(|e| Failure::input(e.to_string()))?;
     for scenario in scenarios.into_iter().take(limit) {
         let begin = Instant::now();
-        let ready = scenario.map_err(|e| e.to_string()).and_then(|s| {
-            let task = mission::task(&s).map_err(|e| e.to_string())?;
+        let ready = scenario.map_err(Failure::from).and_then(|s| {
+            let task = mission::task_within(&s, limits)?;
             let translated = begin.elapsed().as_secs_f64();
-            let problem = feasible(&s, task).map_err(|e| e.to_string())?;
+            let problem = feasible(&s, task)?;
             Ok((s, problem, translated))
         });
         match ready {
@@ -172,7 +178,7 @@ fn read(path: &Path, limit: usize, console: &Console) -> Result<Vec<Mission>, Fa
                 translate_seconds,
                 labels: None,
             }),
-            Err(e) => skip(e),
+            Err(e) => skip(e.message),
         }
     }
     Ok(found)

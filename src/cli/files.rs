@@ -163,7 +163,10 @@ pub(super) fn automaton(file: &Path, scenario: &Scenario, limits: &Limits) -> Re
     let accept_nothing = |all: Vec<Nba>| all.iter().all(|nba| nba.trimmed().is_empty());
     if nba.trimmed().is_empty() && read_hoa_stream(&text, limits).is_ok_and(accept_nothing) {
         let says = "the automaton accepts nothing, on any map: no cycle that can be reached from `Start:` is accepting";
-        return Err(Failure::negative("unsatisfiable", format!("{name}: {says}")));
+        return Err(Failure::negative(
+            "unsatisfiable",
+            format!("{name}: {says}"),
+        ));
     }
     if scenario.grid.is_some() {
         // On a grid every waypoint is a letter, so counting them means something.

@@ -147,7 +147,11 @@ pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Fa
                 "no path was found for any of its {} within {}; give it {}",
                 count(n, "subtask"),
                 count(built.samples as usize, "sample"),
-                if built.samples < args.samples { "more time" } else { "more --samples" },
+                if built.samples < args.samples {
+                    "more time"
+                } else {
+                    "more --samples"
+                },
             ),
         };
         return Err(Failure::negative(

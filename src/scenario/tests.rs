@@ -328,9 +328,18 @@ fn a_grid_says_how_large_its_map_is() {
         (Point2::origin(), Point2::new(2.0, 1.0))
     );
     for (nothing, says) in [
-        ("grid = { cells = [0, 2], cell = 0.5 }", "0 × 2 cells: expected at least one"),
-        ("grid = { cells = [4, 2], cell = -1.0 }", "a side of -1: expected a length above 0"),
-        ("grid = { cells = [4, 2], cell = nan }", "a side of NaN: expected a length above 0"),
+        (
+            "grid = { cells = [0, 2], cell = 0.5 }",
+            "0 × 2 cells: expected at least one",
+        ),
+        (
+            "grid = { cells = [4, 2], cell = -1.0 }",
+            "a side of -1: expected a length above 0",
+        ),
+        (
+            "grid = { cells = [4, 2], cell = nan }",
+            "a side of NaN: expected a length above 0",
+        ),
         ("", "missing field `bounds`"),
     ] {
         let error = with(nothing).unwrap_err().to_string();

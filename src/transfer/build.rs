@@ -138,9 +138,11 @@ pub fn build(
         let batch: Vec<Spot> = (0..count)
             .filter_map(|_| sample(&trees, &mut random))
             .collect();
-        trees.par_iter_mut().for_each(|tree| {
-            batch.iter().for_each(|&spot| tree.take(spot));
-        });
+        // Of tens of thousands of trees those that are late are left as they are.
+        trees
+            .par_iter_mut()
+            .filter(|_| !budget.is_over())
+            .for_each(|tree| batch.iter().for_each(|&spot| tree.take(spot)));
         progress.samples += count;
         progress.nodes = trees.iter().map(|t| t.tree.len() as u64).sum();
         progress.found = trees.iter().map(Subtree::found).sum();

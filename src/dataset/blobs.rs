@@ -60,7 +60,7 @@ fn cave(side: usize, random: &mut Random) -> Vec<bool> {
 fn scanned_rooms(side: usize, random: &mut Random) -> Vec<bool> {
     let mut cells = vec![false; side * side];
     let at = |c: f64| ((c * side as f64) as usize).min(side - 1);
-    for wall in rooms::walls(random) {
+    for wall in rooms::draw(random) {
         let (low, high) = (wall.min(), wall.max());
         for y in at(low.y)..=at(high.y) {
             for x in at(low.x)..=at(high.x) {

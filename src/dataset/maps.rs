@@ -46,6 +46,8 @@ pub enum Family {
     Clutter,
     /// Rooms with doors and corridors.
     Rooms,
+    /// Floors of large buildings: 6 × 6 to 9 × 9 rooms with doors, and furniture.
+    Floors,
     /// One-lane corridors where most turns are wrong.
     Mazes,
     /// Shapes as on occupancy maps: caves, and rooms as a range finder sees them.
@@ -58,7 +60,7 @@ pub enum Family {
 
 impl Family {
     /// All families.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Paper,
         Self::Clutter,
         Self::Rooms,
@@ -67,6 +69,7 @@ impl Family {
         Self::Large,
         Self::Small,
         Self::Published,
+        Self::Floors,
     ];
 
     /// The family's name in data sets.
@@ -77,6 +80,7 @@ impl Family {
             Self::Published => "published",
             Self::Clutter => "clutter",
             Self::Rooms => "rooms",
+            Self::Floors => "floors",
             Self::Mazes => "mazes",
             Self::Blobs => "blobs",
             Self::Large => "large",
@@ -154,6 +158,7 @@ pub fn draw_map(family: Family, random: &mut Random) -> MapShapes {
             Family::Published => published(random),
             Family::Clutter => clutter(random),
             Family::Rooms => with_rooms(random),
+            Family::Floors => floor(random),
             Family::Mazes => maze(random),
             Family::Blobs => blobs(random),
             Family::Large => sized(2..=7, (0.09, 0.2), random),
@@ -269,7 +274,7 @@ fn anywhere(random: &mut Random) -> Point2<f64> {
 }
 
 fn with_rooms(random: &mut Random) -> Drawn {
-    let mut obstacles = rooms::walls(random);
+    let mut obstacles = rooms::draw(random);
     if chance(random, 0.4) {
         for _ in 0..random.random_range(1..=5) {
             let centre = Point2::new(random.random(), random.random());
@@ -281,6 +286,19 @@ fn with_rooms(random: &mut Random) -> Drawn {
         }
     }
     let regions = draw_regions(&obstacles, random)?;
+    Some((obstacles, regions))
+}
+
+fn floor(random: &mut Random) -> Drawn {
+    let thick = random.random_range(0.004..0.008);
+    let mut obstacles = rooms::walls(6..=9, thick, random);
+    let furniture = random.random_range(40..=120);
+    obstacles.extend((0..furniture).filter_map(|_| {
+        let centre = anywhere(random);
+        let radius = random.random_range(0.005..0.015);
+        clipped(shapes::turned_rectangle(centre, radius, random), 1e-5)
+    }));
+    let regions = place_regions(&obstacles, (0.012, 0.025), random, anywhere)?;
     Some((obstacles, regions))
 }
 

@@ -1,5 +1,7 @@
 //! Walls of rooms: a grid of them, joined by doors so that every room can be reached.
 
+use std::ops::RangeInclusive;
+
 use nalgebra::Point2;
 use rand::RngExt;
 
@@ -18,13 +20,27 @@ enum Wall {
     Open,
 }
 
-/// Draws the walls of 2 × 2 to 5 × 5 rooms of uneven size. A random spanning tree of the rooms
-/// has doors; some more walls have a door too or are left out.
-pub(super) fn walls(random: &mut Random) -> Vec<Polygon> {
-    let xs = cuts(random);
-    let ys = cuts(random);
-    let (columns, rows) = (xs.len() - 1, ys.len() - 1);
+/// Draws the walls of 2 × 2 to 5 × 5 rooms.
+pub(super) fn draw(random: &mut Random) -> Vec<Polygon> {
+    let (xs, ys) = (cuts(2..=5, random), cuts(2..=5, random));
     let thick = random.random_range(0.012..0.03);
+    between(&xs, &ys, thick, random)
+}
+
+/// Draws the walls of so many rooms along each side, so thick.
+pub(super) fn walls(
+    counts: RangeInclusive<usize>,
+    thick: f64,
+    random: &mut Random,
+) -> Vec<Polygon> {
+    let (xs, ys) = (cuts(counts.clone(), random), cuts(counts, random));
+    between(&xs, &ys, thick, random)
+}
+
+/// The walls of rooms between these cuts. A random spanning tree of the rooms has doors; some more walls have a door too or are
+/// left out.
+fn between(xs: &Cuts, ys: &Cuts, thick: f64, random: &mut Random) -> Vec<Polygon> {
+    let (columns, rows) = (xs.len() - 1, ys.len() - 1);
     let (extra, open) = (
         random.random_range(0.0..0.35),
         random.random_range(0.0..0.5),
@@ -69,9 +85,9 @@ pub(super) fn walls(random: &mut Random) -> Vec<Polygon> {
     walls
 }
 
-/// Two to five rooms along an axis, none narrower than half of an even share.
-fn cuts(random: &mut Random) -> Cuts {
-    let count = random.random_range(2..=5);
+/// So many rooms of uneven size along an axis, none narrower than two fifths of an even share.
+fn cuts(counts: RangeInclusive<usize>, random: &mut Random) -> Cuts {
+    let count = random.random_range(counts);
     let widths: Vec<f64> = (0..count).map(|_| random.random_range(0.6..1.4)).collect();
     let total: f64 = widths.iter().sum();
     let mut at = 0.0;

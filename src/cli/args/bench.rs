@@ -115,7 +115,7 @@ pub(in crate::cli) struct BenchMissionArgs {
         conflicts_with = "scenarios"
     )]
     pub(in crate::cli) missions: u64,
-    /// Families of the drawn maps and how often each is drawn: paper, clutter, rooms, mazes, blobs, large, small, published
+    /// Families of the drawn maps and how often each is drawn: paper, clutter, rooms, floors, mazes, blobs, large, small, published
     /// [default: published, which are those of the paper's Table I]
     #[arg(long, value_delimiter = ',', value_parser = family_weight, value_name = "NAME=WEIGHT,…", conflicts_with = "scenarios")]
     families: Vec<(Family, f64)>,

@@ -55,7 +55,7 @@ pub(in crate::cli) struct GenerateArgs {
     /// Seed of every random choice
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(in crate::cli) seed: u64,
-    /// Families of maps and how often each is drawn: paper, clutter, rooms, mazes, blobs, large, small, published
+    /// Families of maps and how often each is drawn: paper, clutter, rooms, floors, mazes, blobs, large, small, published
     /// [default: paper=0.55,clutter=0.25,rooms=0.2]
     #[arg(long, value_delimiter = ',', value_parser = family_weight, value_name = "NAME=WEIGHT,…")]
     pub(in crate::cli) families: Vec<(Family, f64)>,

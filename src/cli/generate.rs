@@ -32,6 +32,7 @@ pub(super) fn run(args: &GenerateArgs, console: &Console) -> Result<(), Failure>
         missions_per_map: args.per_map as usize,
         random_share: args.random_share(),
         min_steps: args.min_steps,
+        max_states: args.most_states,
         formulas: files::formulas(args.formulas.as_deref())?,
         ..usual
     };

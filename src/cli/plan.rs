@@ -24,6 +24,15 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
     let began = Instant::now();
     let (scenario, task, translate) = read(args, console)?;
     let options = options(args);
+    let limit_alone = Settings {
+        time_limit: options.settings.time_limit,
+        ..Settings::default()
+    };
+    if args.sampler == SamplerName::Exact && options.settings != limit_alone {
+        console.warn(
+            "--sampler exact draws no samples: of the settings of the search only --time-limit means something to it",
+        );
+    }
     let search = |stop: &Stop, observe: &mut dyn FnMut(Progress)| {
         mission::plan_task(&scenario, task, &options, stop, observe)
     };

@@ -22,6 +22,11 @@ pub(super) fn run(args: &TransferArgs, console: &Console) -> Result<(), Failure>
         let why = "transfer planning samples: choose uniform, biased or guided, or use `nngtl plan --sampler exact`";
         return Err(Failure::input(why));
     }
+    // Before a mission of many seconds is translated.
+    std::fs::metadata(&args.library).map_err(|e| {
+        let says = format!("{}: cannot read the library: {e}", args.library.display());
+        Failure::input(says)
+    })?;
     let (scenario, task, translate) = plan::read(&args.plan, console)?;
     let plan = &args.plan;
     let outputs = [&plan.out, &plan.svg, &plan.png, &plan.heatmap]

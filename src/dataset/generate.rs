@@ -46,6 +46,9 @@ pub const MISSIONS_PER_MAP: usize = 6;
 /// The share of formulas that are random syntax trees, where nothing else is said.
 pub const RANDOM_SHARE: f64 = 0.2;
 
+/// The most states of a mission's automaton, if nothing else is said.
+pub const MAX_STATES: usize = 60;
+
 /// What to generate. Map `index` of a set depends on the fields `seed` to `formulas` and on
 /// `index` alone.
 #[derive(Clone, Debug, PartialEq)]
@@ -103,7 +106,7 @@ impl GenerateConfig {
             ],
             missions_per_map: MISSIONS_PER_MAP,
             random_share: RANDOM_SHARE,
-            max_states: 60,
+            max_states: MAX_STATES,
             weight: 0.2,
             expert: Expert::Exact,
             min_length: 0.01,

@@ -22,8 +22,8 @@ mod shapes;
 pub use differences::Difference;
 pub use formulas::{FormulaList, FormulaListError};
 pub use generate::{
-    Expert, GenerateConfig, GenerateError, MANIFEST, MISSIONS_PER_MAP, Outcome, Progress,
-    RANDOM_SHARE, generate,
+    Expert, GenerateConfig, GenerateError, MANIFEST, MAX_STATES, MISSIONS_PER_MAP, Outcome,
+    Progress, RANDOM_SHARE, generate,
 };
 pub use merge::{MergeError, merge};
 pub use read::{

@@ -12,7 +12,7 @@ use super::record::{
     AutomatonRecord, Counts, MapRecord, MissionRecord, pair, rounded, to_millionth,
 };
 use super::{Expert, FormulaList, GenerateConfig};
-use crate::automaton::{Limits, Task, TaskError};
+use crate::automaton::{Limits, Task, TaskError, TranslateError};
 use crate::encoding::region_order;
 use crate::exact::{ExactConfig, Infeasible, Roadmap};
 use crate::ltl::Formula;
@@ -222,6 +222,9 @@ impl Draw<'_> {
     fn task(&self, formula: &Formula, start: Point2<f64>) -> Result<Task, &'static str> {
         let places = MapLayout::of(self.system, start);
         let task = translate(formula, self.workspace, &places).map_err(|error| match error {
+            TaskError::Translate(TranslateError::UnknownProposition { .. }) => {
+                "regions that the map does not have"
+            }
             TaskError::Translate(_) => "translation too large",
             _ => "unsatisfiable",
         })?;

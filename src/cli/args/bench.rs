@@ -7,8 +7,8 @@ use clap::{ArgGroup, Args, Subcommand, ValueEnum};
 use super::dataset::{family_weight, share};
 use super::{DeviceName, GuidedArgs, LimitArgs, NetworkArgs, count, seconds};
 use crate::bench::COMPLEX_FROM;
-use crate::dataset::RANDOM_SHARE;
 use crate::dataset::maps::Family;
+use crate::dataset::{MAX_STATES, RANDOM_SHARE};
 use crate::planner::Settings;
 
 /// Compare samplers on the same missions
@@ -135,6 +135,9 @@ pub(in crate::cli) struct BenchMissionArgs {
     /// did, else 0]
     #[arg(long, value_name = "N", conflicts_with = "scenarios")]
     min_steps: Option<u32>,
+    /// Leave out drawn missions whose automaton has more states
+    #[arg(long, value_name = "N", default_value_t = MAX_STATES, value_parser = count, conflicts_with = "scenarios")]
+    pub(in crate::cli) most_states: usize,
     /// Seed of the drawn missions, apart from the seeds that the networks were trained on
     #[arg(
         long,

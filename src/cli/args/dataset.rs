@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 
+use super::count;
 use crate::dataset::maps::{Family, UnknownFamily};
-use crate::dataset::{MISSIONS_PER_MAP, RANDOM_SHARE};
+use crate::dataset::{MAX_STATES, MISSIONS_PER_MAP, RANDOM_SHARE};
 
 /// A family of maps, with its weight if that is not 1.
 pub(super) fn family_weight(text: &str) -> Result<(Family, f64), String> {
@@ -69,6 +70,9 @@ pub(in crate::cli) struct GenerateArgs {
     /// Leave out missions whose automaton accepts after fewer steps
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(in crate::cli) min_steps: u32,
+    /// Leave out missions whose automaton has more states
+    #[arg(long, value_name = "N", default_value_t = MAX_STATES, value_parser = count)]
+    pub(in crate::cli) most_states: usize,
     /// Who plans the missions
     #[arg(long, value_enum, value_name = "NAME", default_value_t = ExpertName::Exact)]
     pub(in crate::cli) expert: ExpertName,

@@ -94,6 +94,7 @@ fn drawn(args: &BenchMissionArgs, stop: &Stop, console: &Console) -> Result<Vec<
         families: args.families(),
         random_share: args.random_share(),
         min_steps: args.min_steps(),
+        max_states: args.most_states,
         formulas: files::formulas(args.formulas.as_deref())?,
         ..GenerateConfig::new("", args.mission_seed, wanted)
     };

@@ -14,8 +14,12 @@ const MAX_STOPS: usize = 12;
 /// So many visits in a row are moved together at most.
 const TOGETHER: usize = 3;
 
-/// How many orders are given to the automaton, the shortest first.
+/// How many orders that the automaton has a run along are made taut, the shortest first.
 const TRIES: usize = 5;
+
+/// How many orders the automaton is asked about. Of a plan that ends where it has to stay, most of the shortest orders end
+/// elsewhere.
+const ASKED: usize = 48;
 
 /// Stops, and the shortest ways between them as far as they were asked for.
 struct Stops<'w> {
@@ -62,7 +66,7 @@ impl Stops<'_> {
         }
         found.retain(|f| f.0 < limit);
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
-        found.truncate(TRIES);
+        found.truncate(ASKED);
         found.into_iter().map(|f| f.1).collect()
     }
 }
@@ -114,14 +118,16 @@ impl Shortener<'_> {
             self.weight,
         );
         let finish = |mut new: Chain| {
-            self.realise(&new)?;
             self.improve(&mut new, SWEEPS);
             self.realise(&new)
                 .filter(|(path, cost)| cost.total < known.total && self.is_firm_path(path))
         };
         let suffixes = self.other_suffixes(&chain, walk, slack);
         let prefixes = self.other_prefixes(&chain, walk, slack);
-        let found = [suffixes, prefixes].map(|chains| chains.into_iter().find_map(finish));
+        let found = [suffixes, prefixes].map(|chains| {
+            let with_a_run = chains.into_iter().filter(|new| self.realise(new).is_some());
+            with_a_run.take(TRIES).find_map(finish)
+        });
         let found = found.into_iter().flatten();
         found.min_by(|a, b| a.1.total.total_cmp(&b.1.total))
     }

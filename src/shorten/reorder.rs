@@ -1,5 +1,7 @@
 //! Another order of visits.
 
+use std::ops::RangeInclusive;
+
 use nalgebra::Point2;
 use rustc_hash::{FxHashMap, FxHashSet};
 
@@ -21,12 +23,15 @@ const TRIES: usize = 5;
 /// elsewhere.
 const ASKED: usize = 48;
 
+/// Of so many stops every order is looked at: 720 of seven, of which the first is where it is. Of fewer the neighbours are most of them.
+const ALL_ORDERS: RangeInclusive<usize> = 6..=7;
+
 /// Stops, and the shortest ways between them as far as they were asked for.
 struct Stops<'w> {
     at: Vec<Point2<f64>>,
     walk: Walk<'w>,
-    /// By two stops the way from one to the other: its points but the first.
-    ways: FxHashMap<[usize; 2], Vec<Point2<f64>>>,
+    /// By two stops the way from one to the other: its points but the first, and its length.
+    ways: FxHashMap<[usize; 2], (Vec<Point2<f64>>, f64)>,
 }
 
 impl Stops<'_> {
@@ -35,39 +40,74 @@ impl Stops<'_> {
         legs.map(|w| (self.at[w[1]] - self.at[w[0]]).norm()).sum()
     }
 
-    /// The points of the shortest ways from stop to stop; `None` where there is no way.
-    fn points(&mut self, order: &[usize]) -> Option<Vec<Point2<f64>>> {
+    /// The shortest way from stop to stop: its points but the first, none where there is no way, and its length.
+    fn way(&mut self, from: usize, to: usize) -> &(Vec<Point2<f64>>, f64) {
+        let (at, walk) = (&self.at, self.walk);
+        self.ways.entry([from, to]).or_insert_with(|| {
+            let way = walk(at[from], at[to]);
+            let first = way.first().map_or(0.0, |p| (p - at[from]).norm());
+            let whole = first + length(&way);
+            (way, whole)
+        })
+    }
+
+    /// The length of the shortest ways from stop to stop; `None` where there is no way.
+    fn length(&mut self, order: &[usize]) -> Option<f64> {
+        let legs = order.windows(2);
+        legs.map(|ends| {
+            let (way, length) = self.way(ends[0], ends[1]);
+            way.last().map(|_| *length)
+        })
+        .sum()
+    }
+
+    /// The points of the shortest ways from stop to stop.
+    fn points(&mut self, order: &[usize]) -> Vec<Point2<f64>> {
         let mut points = vec![self.at[order[0]]];
         for ends in order.windows(2) {
-            let [from, to] = [ends[0], ends[1]];
-            let (at, walk) = (&self.at, self.walk);
-            let way = self.ways.entry([from, to]);
-            let way = way.or_insert_with(|| walk(at[from], at[to]));
-            points.extend_from_slice(way);
-            way.last()?;
+            points.extend_from_slice(&self.way(ends[0], ends[1]).0);
         }
-        Some(points)
+        points
     }
 
     /// The ways of the shortest orders that are shorter than `limit`, the shortest first. `closed`: the way leads back to
     /// the first stop; else `to_last`: it ends at the last one.
     fn shorter(&mut self, closed: bool, to_last: bool, limit: f64) -> Vec<Vec<Point2<f64>>> {
-        let mut found: Vec<(f64, Vec<Point2<f64>>)> = Vec::new();
-        for mut order in orders(self.at.len(), to_last) {
+        let count = self.at.len();
+        let mut found = self.shortest(orders(count, to_last), closed, limit);
+        if ALL_ORDERS.contains(&count) {
+            // A better order may be none of the neighbours; where the task rules most orders out, only these may be allowed.
+            let all = self.shortest(permutations(count, to_last), closed, limit);
+            found.extend(all);
+            found.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
+            found.dedup_by(|a, b| a.1 == b.1);
+        }
+        let points = found.iter().map(|(_, order)| self.points(order));
+        points.collect()
+    }
+
+    /// The shortest of these orders, with their lengths, that are shorter than `limit`.
+    fn shortest(
+        &mut self,
+        orders: Vec<Vec<usize>>,
+        closed: bool,
+        limit: f64,
+    ) -> Vec<(f64, Vec<usize>)> {
+        let mut found: Vec<(f64, Vec<usize>)> = Vec::new();
+        for mut order in orders {
             if closed {
                 order.push(0);
             }
-            if self.straight(&order) >= limit {
-                continue;
-            }
-            if let Some(points) = self.points(&order) {
-                found.push((length(&points), points));
+            if self.straight(&order) < limit
+                && let Some(length) = self.length(&order)
+                && length < limit
+            {
+                found.push((length, order));
             }
         }
-        found.retain(|f| f.0 < limit);
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
         found.truncate(ASKED);
-        found.into_iter().map(|f| f.1).collect()
+        found
     }
 }
 
@@ -103,6 +143,31 @@ pub(crate) fn orders(count: usize, to_last: bool) -> Vec<Vec<usize>> {
                 }
             }
         }
+    }
+    all
+}
+
+/// All orders of `count` stops that begin with the first one, and end with the last one if that is to stay there.
+fn permutations(count: usize, to_last: bool) -> Vec<Vec<usize>> {
+    let end = if to_last {
+        count.saturating_sub(1)
+    } else {
+        count
+    };
+    let mut all = vec![vec![0]];
+    for _ in 1..end {
+        let longer = |order: &Vec<usize>| {
+            let order = order.clone();
+            let next = (1..end).filter(move |i| !order.contains(i));
+            next.collect::<Vec<_>>()
+        };
+        all = all
+            .iter()
+            .flat_map(|order| longer(order).into_iter().map(|i| [&order[..], &[i]].concat()))
+            .collect();
+    }
+    if to_last {
+        all.iter_mut().for_each(|order| order.push(count - 1));
     }
     all
 }

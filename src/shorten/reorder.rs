@@ -163,7 +163,11 @@ fn permutations(count: usize, to_last: bool) -> Vec<Vec<usize>> {
         };
         all = all
             .iter()
-            .flat_map(|order| longer(order).into_iter().map(|i| [&order[..], &[i]].concat()))
+            .flat_map(|order| {
+                longer(order)
+                    .into_iter()
+                    .map(|i| [&order[..], &[i]].concat())
+            })
             .collect();
     }
     if to_last {

@@ -369,6 +369,52 @@ fn each_other_order_is_given_once() {
     }
 }
 
+/// A round of visits that ends where the robot has to stay: the nine shortest orders end elsewhere, and the automaton refuses them; and in
+/// the second case no move of a few visits helps, though two of them together do.
+#[test]
+fn orders_are_found_behind_many_that_the_task_rules_out() {
+    let cases = [
+        (
+            [
+                (0.77, 0.83),
+                (0.11, 0.79),
+                (0.72, 0.25),
+                (0.6, 0.11),
+                (0.51, 0.6),
+                (0.64, 0.56),
+            ],
+            2.107,
+        ),
+        (
+            [
+                (0.4, 0.6),
+                (0.23, 0.44),
+                (0.32, 0.75),
+                (0.58, 0.61),
+                (0.59, 0.27),
+                (0.74, 0.59),
+            ],
+            1.393,
+        ),
+    ];
+    for (places, shortest) in cases {
+        let around = |&(x, y): &(f64, f64)| rectangle(x - 0.01, y - 0.01, x + 0.01, y + 0.01);
+        let regions: Vec<Polygon> = places[1..].iter().map(around).collect();
+        let map = map(&[], &regions);
+        let text = "F l1 & F l2 & F l3 & F l4 & F G l5";
+        let task = task(&map, text);
+        let shortener = Shortener::new(&map, &task, 0.2);
+        let points = places.map(|(x, y)| p(x, y));
+        let (mut plan, mut cost) = shortener.shorten(&path(&points, &points[5..]), 20).unwrap();
+        while let Some(found) = shortener.reorder(&plan, &walks(&map), 1.0) {
+            check(&map, text, points[0], &found, 0.2);
+            (plan, cost) = found;
+        }
+        // By way of the middles; the plan touches the regions.
+        assert!(cost.prefix < shortest, "{cost:?}");
+    }
+}
+
 /// Between two visits a leg has a waypoint, since what is seen changes twice along it. That is no visit: six would be too many.
 #[test]
 fn waypoints_between_visits_are_no_visits() {

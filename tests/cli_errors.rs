@@ -129,7 +129,9 @@ fn input_that_is_out_of_range_ends_with_2() {
     ];
     for (arguments, reason) in cases {
         let run = nngtl(arguments);
-        assert_eq!(run.code, 2, "{arguments:?}: {run:?}");
+        // A limit that was hit is no bad input.
+        let code = if reason.starts_with("(--max") { 1 } else { 2 };
+        assert_eq!(run.code, code, "{arguments:?}: {run:?}");
         assert!(run.err.contains(reason), "{arguments:?}: {run:?}");
         assert!(
             run.err.starts_with("nngtl: error: "),
@@ -183,6 +185,79 @@ fn a_mistake_in_an_automaton_is_told_once() {
     assert_eq!(run.err.matches("supported").count(), 1, "{run:?}");
     assert!(run.err.contains("Acceptance: 1 Fin(0)\n"), "{run:?}");
     assert!(run.err.contains('^'), "{run:?}");
+}
+
+#[test]
+fn limits_of_translation_have_an_outcome_and_an_option() {
+    let folder = folder();
+    let scenario = shipped("case-study.toml");
+    let hoa = folder.path().join("a.hoa");
+    let text =
+        "HOA: v1\nStates: 3\nStart: 0\nAP: 0\nAcceptance: 0 t\n--BODY--\nState: 0 [t] 0\n--END--\n";
+    std::fs::write(&hoa, text).unwrap();
+    let (hoa, out) = (hoa.display().to_string(), folder.path().join("x.png"));
+    let out = out.display().to_string();
+    for (words, option) in [
+        (
+            vec!["translate", "GFa & GFb & Fc", "--max-states", "1"],
+            "--max-states",
+        ),
+        (
+            vec!["plan", &scenario, "--max-transitions", "1"],
+            "--max-transitions",
+        ),
+        (
+            vec!["plan", &scenario, "--automaton", &hoa, "--max-states", "2"],
+            "--max-states",
+        ),
+        (
+            vec!["heatmap", &scenario, "--out", &out, "--max-states", "1"],
+            "--max-states",
+        ),
+        (
+            vec![
+                "library",
+                "build",
+                &scenario,
+                "--out",
+                &out,
+                "--max-states",
+                "1",
+            ],
+            "--max-states",
+        ),
+        (
+            vec!["plan", &scenario, "--max-translation", "0"],
+            "--max-translation",
+        ),
+    ] {
+        let run = nngtl(&[&words[..], &["--json"]].concat());
+        let object: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+        assert_eq!(
+            (run.code, &object["outcome"]),
+            (1, &"translation-limit".into()),
+            "{run:?}"
+        );
+        assert!(run.err.contains(option), "{words:?}: {run:?}");
+    }
+}
+
+#[test]
+fn an_automaton_that_accepts_nothing_is_not_the_maps_fault() {
+    let folder = folder();
+    let hoa = folder.path().join("a.hoa");
+    let text = "\u{feff}HOA: v1\nStates: 2\nStart: 0\nAP: 1 \"l1\"\nAcceptance: 1 Inf(0)\n--BODY--\nState: 0 [!0] 0 [0] 1\nState: 1 [t] 1\n--END--\n";
+    std::fs::write(&hoa, text).unwrap();
+    let hoa = hoa.display().to_string();
+    let run = nngtl(&[
+        "plan",
+        &shipped("case-study.toml"),
+        "--automaton",
+        &hoa,
+        "--json",
+    ]);
+    assert_eq!(run.code, 1, "{run:?}");
+    assert!(run.out.contains("\"unsatisfiable\""), "{run:?}");
 }
 
 #[test]

@@ -285,3 +285,25 @@ fn damaged_and_foreign_libraries_are_refused_with_the_reason() {
     }
     assert!(!Path::new(&none).exists());
 }
+
+/// The plan's states are those of another automaton, which has more of them.
+#[test]
+fn a_plan_is_repaired_for_another_task() {
+    let folder = folder();
+    let scenario = file(&folder, "map.toml");
+    let plan = file(&folder, "plan.json");
+    let text = |obstacle: &str| {
+        format!(
+            "start = [0.1, 0.1]\ntask = \"<> a && <> b && <> c\"\n[workspace]\nbounds = [[0, 0], [1, 1]]\nobstacles = [{obstacle}]\n[workspace.regions]\n\
+             a = [[0.1, 0.8], [0.2, 0.8], [0.2, 0.9]]\nb = [[0.8, 0.1], [0.9, 0.1], [0.9, 0.2]]\nc = [[0.8, 0.8], [0.9, 0.8], [0.9, 0.9]]\n"
+        )
+    };
+    std::fs::write(&scenario, text("")).unwrap();
+    done(&["plan", &scenario, "--out", &plan]);
+    let wall = "[[0.05, 0.4], [0.6, 0.4], [0.6, 0.45], [0.05, 0.45]], [[0.4, 0.05], [0.45, 0.05], [0.45, 0.35], [0.4, 0.35]]";
+    std::fs::write(&scenario, text(wall)).unwrap();
+    for task in ["<> b", "<> a", "[]<> a && []<> b", "<>[] c"] {
+        let repaired = done(&["replan", &scenario, &plan, "--task", task]);
+        assert!(repaired.out.contains("verified"), "{task}: {repaired:?}");
+    }
+}

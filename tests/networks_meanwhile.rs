@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 
 use made::{options, scenario};
 use nalgebra::Point2;
-use nngtl::mission::{self, MissionError, Options, Planned, SamplerChoice, Thinking};
-use nngtl::nn::{DeviceChoice, PredictError, Predictor};
+use nngtl::mission::{self, Options, Planned, SamplerChoice, Thinking};
+use nngtl::nn::{DeviceChoice, Predictor};
 use nngtl::planner::{HeadStart, Problem, Sampler, Settings, Solution, Stop, plan};
 use nngtl::scenario::Scenario;
 use nngtl::workspace::{Bounds, Polygon, Region, Workspace};
@@ -168,7 +168,7 @@ fn a_search_that_is_over_sooner_says_that_it_asked_nobody() {
 }
 
 #[test]
-fn missions_that_the_networks_do_not_fit_are_refused_before_the_search() {
+fn missions_that_the_networks_do_not_fit_are_planned_without_them_and_told() {
     let labels = Predictor::embedded(DeviceChoice::Cpu).unwrap().labels();
     let name = |k: usize| format!("r{k}");
     let regions = (0..=labels).map(|k| {
@@ -188,10 +188,16 @@ fn missions_that_the_networks_do_not_fit_are_refused_before_the_search() {
     for networks_first in [false, true] {
         let mut options = options(SamplerChoice::Guided, 100);
         options.settings.networks_first = networks_first;
-        let refused = mission::plan(&scenario, &options).unwrap_err();
-        let MissionError::Predict(PredictError::TooManyRegions { used, .. }) = refused else {
-            panic!("{refused}");
-        };
-        assert_eq!(used, labels + 1);
+        let planned = mission::plan(&scenario, &options).unwrap();
+        assert_eq!(planned.file.sampler.as_deref(), Some("directed"));
+        let told = format!(
+            "uses {} regions, the networks were trained for {labels}",
+            labels + 1
+        );
+        assert!(
+            planned.notices.iter().any(|n| n.contains(&told)),
+            "{:?}",
+            planned.notices
+        );
     }
 }

@@ -231,10 +231,14 @@ fn inconsistent_missions_are_refused() {
 #[test]
 fn a_directory_loads_and_its_faults_are_told() {
     let folder = tempfile::tempdir().unwrap();
-    assert!(matches!(
-        Predictor::load(folder.path(), DeviceChoice::Cpu),
-        Err(LoadError::Read { .. })
-    ));
+    let error = Predictor::load(folder.path(), DeviceChoice::Cpu).unwrap_err();
+    assert!(matches!(error, LoadError::Both(..)), "{error}");
+    assert!(
+        MODEL_FILES
+            .iter()
+            .all(|name| error.to_string().contains(name)),
+        "{error}"
+    );
     for (name, golden) in MODEL_FILES.iter().zip(["pathnet-paint", "statenet-lookup"]) {
         std::fs::write(folder.path().join(name), file(golden)).unwrap();
     }

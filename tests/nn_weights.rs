@@ -77,7 +77,7 @@ impl Parts {
 }
 
 fn load(bytes: &[u8]) -> Result<Model, WeightError> {
-    Model::new(&WeightFile::parse("weights", bytes)?)
+    Model::read("weights", bytes)
 }
 
 fn faults(bytes: &[u8]) -> Vec<Fault> {
@@ -355,4 +355,80 @@ fn half_precision_is_read_and_its_faults_are_told() {
         text.iter()
             .any(|t| t.contains("`head.bias` is of type F64"))
     );
+}
+
+#[test]
+fn faults_of_values_config_and_tensors_are_told_together() {
+    let mut parts = Parts::new();
+    parts.values("head.weight")[..4].copy_from_slice(&f32::NAN.to_le_bytes());
+    parts.tensors.remove("condition.bias").unwrap();
+    let extra = parts.tensors["head.bias"].clone();
+    parts.tensors.insert("spare\u{1b}".to_owned(), extra);
+    let (dtype, _, data) = parts.tensors.get_mut("paint.bias").unwrap();
+    (*dtype, _) = (Dtype::BF16, data.truncate(data.len() / 2));
+    let error = load(&parts.assemble()).unwrap_err();
+    let text = error.to_string();
+    for part in [
+        "`head.weight` has 1 values that are not finite",
+        "`condition.bias` of shape",
+        "`spare\\u{1b}` is not part of this model",
+        "`paint.bias` is of type BF16",
+    ] {
+        assert_eq!(text.matches(part).count(), 1, "{part}: {text}");
+    }
+    assert_eq!(error.faults.len(), 4, "{text}");
+    // A version that is not known is told with what is wrong with the values.
+    parts.config(|config| {
+        config.insert("format".to_owned(), 9.into());
+    });
+    let text = load(&parts.assemble()).unwrap_err().to_string();
+    assert!(
+        text.contains("format version 9") && text.contains("not finite"),
+        "{text}"
+    );
+}
+
+#[test]
+fn fields_that_mean_nothing_and_names_that_stand_twice_are_refused() {
+    let mut parts = Parts::new();
+    parts.config(|config| {
+        config.insert("powr".to_owned(), 2.into());
+    });
+    let text = load(&parts.assemble()).unwrap_err().to_string();
+    assert!(text.contains("`powr` is no field"), "{text}");
+
+    let mut parts = Parts::new();
+    let config = parts.metadata.get_mut("config").unwrap();
+    *config = config.replacen('{', "{\"format\": 9, ", 1);
+    let text = load(&parts.assemble()).unwrap_err().to_string();
+    assert!(text.contains("`format` stands twice"), "{text}");
+
+    // The same in the metadata, where a second digest would hide the first.
+    let whole = Parts::new().assemble();
+    let (length, _) = SafeTensors::read_metadata(&whole).unwrap();
+    let header = std::str::from_utf8(&whole[8..8 + length]).unwrap();
+    let twice = header.replacen("\"sha256\"", "\"sha256\":\"\",\"sha256\"", 1);
+    let padded = format!("{twice:<width$}", width = twice.len().next_multiple_of(8));
+    let size = (padded.len() as u64).to_le_bytes();
+    let bytes = [&size[..], padded.as_bytes(), &whole[8 + length..]].concat();
+    let text = load(&bytes).unwrap_err().to_string();
+    assert!(text.contains("`sha256` stands twice"), "{text}");
+}
+
+#[test]
+fn a_digest_that_says_nothing_and_norms_that_overflow_are_refused() {
+    let whole = Parts::new().assemble();
+    let (length, header) = SafeTensors::read_metadata(&whole).unwrap();
+    let digest = header.metadata().as_ref().unwrap()["sha256"].clone();
+    let header = std::str::from_utf8(&whole[8..8 + length]).unwrap();
+    let empty = header.replace(&digest, "");
+    let padded = format!("{empty:<length$}");
+    let bytes = [&whole[..8], padded.as_bytes(), &whole[8 + length..]].concat();
+    assert!(matches!(faults(&bytes)[..], [Fault::Digest { .. }]));
+
+    let mut parts = Parts::new();
+    parts.values("encoder.0.norm.weight")[..4].copy_from_slice(&f32::MAX.to_le_bytes());
+    parts.values("encoder.0.norm.running_var")[..4].copy_from_slice(&1e-30_f32.to_le_bytes());
+    let expected = Fault::Norm("encoder.0.norm".to_owned());
+    assert_eq!(faults(&parts.assemble()), [expected]);
 }

@@ -16,6 +16,7 @@ use crate::mission::{self, MissionError, Options, Planned, SamplerChoice};
 use crate::planner::{EndReason, NotFound, PlanError, Progress, Settings, Stop};
 use crate::render::Picture;
 use crate::scenario::Scenario;
+use crate::verify::Lasso;
 
 /// Pixels of a PNG for each pixel of the SVG.
 const PNG_SCALE: f64 = 1.5;
@@ -298,21 +299,30 @@ pub(super) fn to_json(args: &PlanArgs, scenario: &Scenario, planned: &Planned) -
     };
     let files = [&args.out, &args.svg, &args.png].into_iter().flatten();
     let files: Vec<&Path> = files.map(|p| p.as_path()).chain(written).collect();
-    let notices: Vec<String> = planned
-        .notices
-        .iter()
-        .cloned()
+    // What is odd about the scenario was told when it was read.
+    let odd = scenario.warnings().into_iter();
+    let notices: Vec<String> = odd
+        .chain(planned.notices.iter().cloned())
         .chain(missing.map(unwritten))
         .collect();
     json!({
         "version": JSON_VERSION,
         "outcome": "planned",
-        "word": planned.verified.word.show(scenario.workspace.alphabet()),
+        "word": shown(scenario, &planned.verified.word),
         "verified": true,
         "notices": notices,
         "files": files,
         "plan": planned.file,
     })
+}
+
+/// The word of a plan as people read it: on a grid every waypoint is a letter, elsewhere only changes of letters count.
+pub(super) fn shown(scenario: &Scenario, word: &Lasso) -> String {
+    let alphabet = scenario.workspace.alphabet();
+    match scenario.grid {
+        Some(_) => word.show_counted(alphabet),
+        None => word.show(alphabet),
+    }
 }
 
 /// The summary for people.
@@ -332,7 +342,7 @@ pub(super) fn describe(scenario: &Scenario, planned: &Planned) -> String {
 pub(super) fn describe_as(scenario: &Scenario, planned: &Planned, done: &str) -> String {
     let file = &planned.file;
     let mut text = format!("{}: {done}\n", scenario.name);
-    let word = planned.verified.word.show(scenario.workspace.alphabet());
+    let word = shown(scenario, &planned.verified.word);
     let _ = writeln!(text, "  sees    {word}");
     let (cost, weight) = (planned.verified.cost, scenario.weight);
     let _ = writeln!(

@@ -49,7 +49,6 @@ pub(super) fn run(args: &VerifyArgs, console: &Console) -> Result<(), Failure> {
         ));
     }
     let path = plan.path();
-    let map = &scenario.workspace;
     // The stated cost is checked by the weight that the plan was made with; another is for looking.
     let stated_weight = plan.weight.unwrap_or(scenario.weight);
     let weight = args.mission.weight.unwrap_or(stated_weight);
@@ -72,7 +71,7 @@ pub(super) fn run(args: &VerifyArgs, console: &Console) -> Result<(), Failure> {
     })?;
     let (cost, word) = (
         Cost::new(verified.cost.prefix, verified.cost.suffix, weight),
-        verified.word.show(map.alphabet()),
+        super::plan::shown(&scenario, &verified.word),
     );
     let text = if console.json() {
         let object = json!({

@@ -147,8 +147,10 @@ fn bound(
     let Some(mut gates) = Gates::new(workspace, start, task) else {
         return Some(all.min(upper));
     };
-    let mut product = Product::new(&gates, task, weight);
-    product.halt = halt;
+    if halt.is_due() {
+        return None;
+    }
+    let mut product = Product::new(&gates, task, weight, halt);
     for round in 1..=rounds {
         let useful = product.useful_legs(&product.solve(&gates, cut), cut);
         product.keep_legs(&useful);

@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::think::Thinking;
 use super::{MissionError, Options, SamplerChoice};
 use crate::automaton::Task;
-use crate::encoding::{AutomatonGraph, Encoding, MapInput};
+use crate::encoding::{AutomatonGraph, Encoding, MapInput, region_order};
 use crate::guidance::Guidance;
 use crate::nn::{DeviceChoice, EncodedMission, PredictError, Predictor, Timings};
 use crate::planner::{Deferred, Guide, PlanError, Problem, Sampler};
@@ -127,6 +127,7 @@ struct Encoded<'a> {
 impl<'a> Encoded<'a> {
     fn new(predictor: &Predictor, question: &Question<'a>) -> Result<Self, PredictError> {
         let begin = Instant::now();
+        fits(predictor, question.task)?;
         let [path, state] = predictor.encodings();
         let [path_ways, state_ways] = predictor.read_ways();
         let shared = path == state;
@@ -161,6 +162,17 @@ impl<'a> Encoded<'a> {
             infer: (timings.start + timings.infer).as_secs_f64(),
             notice: notice.map(|why| format!("{why}; the CPU ran the networks instead")),
         }
+    }
+}
+
+/// Whether the networks have a channel for each region of a formula. Told before the automaton is encoded: one of ten thousand states takes
+/// seconds, and a formula with so many names many regions.
+fn fits(networks: &Predictor, task: &Task) -> Result<(), PredictError> {
+    match &task.formula {
+        Some(formula) if networks.encodings() == [Encoding::Own; 2] => {
+            networks.fits(region_order(formula).len())
+        }
+        _ => Ok(()),
     }
 }
 
@@ -366,13 +378,28 @@ pub(super) fn choose(
         SamplerChoice::Uniform => Sampler::Uniform,
         SamplerChoice::Biased | SamplerChoice::Exact => Sampler::Biased,
         SamplerChoice::Directed => Sampler::Directed,
-        SamplerChoice::Guided if options.settings.networks_first => {
-            return guided_from_the_first(scenario, problem, options);
+        SamplerChoice::Guided => {
+            let first = options.settings.networks_first;
+            let search = if first { guided_from_the_first } else { guided };
+            return unless_too_many(search(scenario, problem, options));
         }
-        SamplerChoice::Guided => return guided(scenario, problem, options),
         SamplerChoice::Auto => return deferred(scenario, problem, options),
     };
     Ok(Chosen::plain(sampler, options.device))
+}
+
+/// Where the mission has more regions than the networks have channels, that is told, and the search goes by the same rules without them.
+pub(super) fn unless_too_many(
+    chosen: Result<Chosen, MissionError>,
+) -> Result<Chosen, MissionError> {
+    match chosen {
+        Err(MissionError::Predict(why @ PredictError::TooManyRegions { .. })) => {
+            let notice = format!("planning without guidance: {why}");
+            let answer = Answer::without_networks(Some(notice));
+            Ok(Chosen::new(Sampler::Directed, answer))
+        }
+        other => other,
+    }
 }
 
 /// Guided search that waits for the networks before its first sample.
@@ -396,6 +423,7 @@ fn guided(
     options: &Options,
 ) -> Result<Chosen, MissionError> {
     let networks = load(options)?;
+    fits(&networks, &problem.task)?;
     for encoding in networks.encodings() {
         networks.fits(graph(&problem.task, encoding)?.0.regions)?;
     }

@@ -68,7 +68,10 @@ pub fn transfer_task(
     check_reachable(scenario, &task, &*problem.system)?;
     let chosen = match options.sampler {
         SamplerChoice::Auto => guide::Chosen::plain(Sampler::Directed, options.device),
-        SamplerChoice::Guided => guide::guided_from_the_first(scenario, &problem, options)?,
+        SamplerChoice::Guided => {
+            let chosen = guide::guided_from_the_first(scenario, &problem, options);
+            guide::unless_too_many(chosen)?
+        }
         _ => guide::choose(scenario, &problem, options)?,
     };
     let searched = Instant::now();

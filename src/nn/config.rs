@@ -15,6 +15,9 @@ const MAX_WIDTH: usize = 8192;
 /// The largest number of layers of one kind that is accepted.
 const MAX_LAYERS: usize = 64;
 
+/// Fields that every configuration may have; `dropout` concerns training alone.
+const COMMON: [&str; 5] = ["format", "encoding", "kind", "variant", "dropout"];
+
 /// How the automaton's feature meets the map's at PathNet's bottleneck.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -238,6 +241,7 @@ impl Config {
         match parsed {
             Ok(config) => {
                 faults.extend(config.check());
+                faults.extend(config.unknown_fields(value));
                 if faults.is_empty() {
                     Ok(config)
                 } else {
@@ -308,6 +312,24 @@ impl Config {
             Self::PathPaint(c) => c.power,
             _ => 1.0,
         }
+    }
+
+    /// Fields that say nothing to this variant: mostly a name that is misspelt, whose default would hold silently.
+    fn unknown_fields(&self, value: &serde_json::Value) -> Vec<Fault> {
+        let known = match self {
+            Self::PathPaper(c) => serde_json::to_value(c),
+            Self::PathPaint(c) => serde_json::to_value(c),
+            Self::StatePaper(c) => serde_json::to_value(c),
+            Self::StateLookup(c) => serde_json::to_value(c),
+            Self::StateWays(c) => serde_json::to_value(c),
+        };
+        let known = known.unwrap_or_default();
+        let is_known = |name: &str| COMMON.contains(&name) || known.get(name).is_some();
+        let fields = value.as_object().into_iter().flatten();
+        let unknown = fields.filter(|(name, _)| !is_known(name));
+        unknown
+            .map(|(name, _)| bad(format!("`{name}` is no field of this variant")))
+            .collect()
     }
 
     fn check(&self) -> Vec<Fault> {

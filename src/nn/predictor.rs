@@ -29,7 +29,7 @@ pub const HEATMAP_SIDE: usize = 200;
 pub enum PredictError {
     /// The mission uses more regions than the networks were trained for.
     #[error(
-        "the mission uses {used} regions, the networks were trained for {labels}: --sampler directed plans without them, --model takes others"
+        "the mission uses {used} regions, the networks were trained for {labels}: --model takes others"
     )]
     TooManyRegions {
         /// Regions that the mission uses.
@@ -362,7 +362,8 @@ impl Predictor {
     }
 
     fn fall_back(&mut self, reason: Fallback) {
-        log::warn!("{reason}; the CPU runs the networks instead");
+        // Told by who asked: see `take_notice`.
+        log::info!("{reason}; the CPU runs the networks instead");
         self.backend = Backend::Cpu;
         self.notice = Some(reason);
     }

@@ -249,7 +249,29 @@ impl Scenario {
         };
         let regions = workspace.hidden_regions().into_iter().map(hidden);
         let obstacles = workspace.obstacles().iter().enumerate();
-        regions.chain(obstacles.filter_map(thin)).collect()
+        regions
+            .chain(self.obstacles_outside())
+            .chain(obstacles.filter_map(thin))
+            .collect()
+    }
+
+    /// That obstacles lie outside the bounds, where they are in nobody's way: mostly their unit is another.
+    fn obstacles_outside(&self) -> Option<String> {
+        let (workspace, bounds) = (&self.workspace, self.workspace.bounds());
+        let outside = |(i, o): (usize, &Polygon)| {
+            (!bounds.meet(o.min(), o.max())).then(|| workspace.obstacle_name(i))
+        };
+        let obstacles = workspace.obstacles().iter().enumerate();
+        let mut names = obstacles.filter_map(outside);
+        let first = names.next()?;
+        let are = match names.count() {
+            0 => "lies".to_owned(),
+            1 => "and another one lie".to_owned(),
+            more => format!("and {more} others lie"),
+        };
+        Some(format!(
+            "{first} {are} outside the bounds: the robot cannot meet what is there"
+        ))
     }
 
     fn check(

@@ -308,6 +308,24 @@ fn an_obstacle_without_width_is_a_warning() {
 }
 
 #[test]
+fn obstacles_outside_the_bounds_are_a_warning() {
+    let with = |more: &str| {
+        let text = format!("obstacles = [{more}");
+        let scenario = load_as("toml", &BASE.replace("obstacles = [", &text)).unwrap();
+        scenario.warnings()
+    };
+    let one = "[[40, 30], [60, 30], [60, 70]],";
+    assert!(with(one)[0].starts_with("obstacle 1 lies outside the bounds"));
+    let three = with(&one.repeat(3));
+    assert!(
+        three[0].starts_with("obstacle 1 and 2 others lie outside"),
+        "{three:?}"
+    );
+    // Partly outside is what people mean.
+    assert!(with("[[-1, -1], [0.05, -1], [0.05, 0.05]],").is_empty());
+}
+
+#[test]
 fn a_file_without_name_is_called_like_the_file() {
     let s = load_as("toml", &BASE.replace("name = \"base\"\n", "")).unwrap();
     assert_eq!(s.name, "map");

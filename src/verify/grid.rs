@@ -33,7 +33,7 @@ pub fn verify_on_grid(
     stated: Option<&Cost>,
 ) -> Result<Verified, Refusal> {
     let verified = check_motion(workspace, grid, start, path, weight, stated)?;
-    judge(workspace, formula, verified)
+    judge(workspace, formula, verified, Lasso::show_counted)
 }
 
 /// As [`verify_automaton`](super::verify_automaton) for a robot on a grid.
@@ -57,7 +57,7 @@ pub fn verify_automaton_on_grid(
         return Ok(verified);
     }
     Err(Refusal::NotAccepted {
-        word: verified.word.show(workspace.alphabet()),
+        word: verified.word.show_counted(workspace.alphabet()),
     })
 }
 

@@ -30,13 +30,28 @@ impl Lasso {
         if prefix.last() == suffix.first() {
             prefix.pop();
         }
-        let show = |letters: &[Letter]| -> Vec<String> {
-            letters.iter().map(|&l| alphabet.show(l)).collect()
-        };
-        let mut words = show(&prefix);
-        words.push(format!("({})^ω", show(&suffix).join(" ")));
-        words.join(" ")
+        let once = |letters: Vec<Letter>| letters.into_iter().map(|l| alphabet.show(l)).collect();
+        joined(once(prefix), once(suffix))
     }
+
+    /// Shows the word as `{}^3 {a} ({b} {}^2)^ω`, where every letter counts, as on a grid: how often each is read in a row.
+    #[must_use]
+    pub fn show_counted(&self, alphabet: &Alphabet) -> String {
+        let counted = |letters: &[Letter]| {
+            let runs = letters.chunk_by(|a, b| a == b);
+            runs.map(|run| match run.len() {
+                1 => alphabet.show(run[0]),
+                n => format!("{}^{n}", alphabet.show(run[0])),
+            })
+            .collect()
+        };
+        joined(counted(&self.prefix), counted(&self.suffix))
+    }
+}
+
+fn joined(mut prefix: Vec<String>, suffix: Vec<String>) -> String {
+    prefix.push(format!("({})^ω", suffix.join(" ")));
+    prefix.join(" ")
 }
 
 /// Whether the word satisfies the formula, by LTL's own semantics.

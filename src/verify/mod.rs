@@ -15,7 +15,7 @@ mod refusal;
 
 use nalgebra::Point2;
 
-use crate::alphabet::Letter;
+use crate::alphabet::{Alphabet, Letter};
 use crate::automaton::Nba;
 use crate::ltl::Formula;
 use crate::plan::{Cost, Path, Waypoint, length};
@@ -67,14 +67,15 @@ pub fn verify(
         return Err(Refusal::Next);
     }
     let verified = check_motion(workspace, start, path, weight, stated)?;
-    judge(workspace, formula, verified)
+    judge(workspace, formula, verified, Lasso::show)
 }
 
-/// Whether the word satisfies the formula; if not, which of its conjuncts fail.
+/// Whether the word satisfies the formula; if not, which of its conjuncts fail, on the word as it is shown.
 fn judge(
     workspace: &Workspace,
     formula: &Formula,
     verified: Verified,
+    show: impl Fn(&Lasso, &Alphabet) -> String,
 ) -> Result<Verified, Refusal> {
     let alphabet = workspace.alphabet();
     if lasso::satisfies(&verified.word, formula, alphabet)? {
@@ -86,7 +87,7 @@ fn judge(
         .map(ToString::to_string)
         .collect::<Vec<_>>();
     Err(Refusal::Formula {
-        word: verified.word.show(alphabet),
+        word: show(&verified.word, alphabet),
         failing: failing.join(" and "),
     })
 }

@@ -244,6 +244,24 @@ fn waiting_points_see_nothing_new_and_next_is_refused() {
 }
 
 #[test]
+fn words_show_what_counts() {
+    let alphabet = map().alphabet().clone();
+    let letter = |names: &[&str]| {
+        let props = names.iter().map(|n| alphabet.proposition(n).unwrap());
+        alphabet
+            .letter(props.fold(Props::EMPTY, Props::with))
+            .unwrap()
+    };
+    let (none, a) = (letter(&[]), letter(&["a"]));
+    let word = Lasso {
+        prefix: vec![none, none, none, a],
+        suffix: vec![a, none, none],
+    };
+    assert_eq!(word.show(&alphabet), "{} ({a} {})^ω");
+    assert_eq!(word.show_counted(&alphabet), "{}^3 {a} ({a} {}^2)^ω");
+}
+
+#[test]
 fn the_start_inside_a_region_counts() {
     let plan = path(&[(0.2, 0.5), (0.2, 0.3)], &[(0.2, 0.3)]);
     let verified = check("a && <>[] !a", &plan).unwrap();
@@ -307,7 +325,7 @@ fn a_plan_can_be_checked_against_an_automaton() {
     let refusal = verify_automaton(&map, start, &nba, &good(), 0.2, None).unwrap_err();
     assert!(matches!(refusal, Refusal::NotAccepted { .. }), "{refusal}");
     let mut foreign = nba;
-    foreign.alphabet = Arc::new(crate::alphabet::Alphabet::disjoint(vec!["a".into()]).unwrap());
+    foreign.alphabet = Arc::new(Alphabet::disjoint(vec!["a".into()]).unwrap());
     let refusal = verify_automaton(&map, start, &foreign, &stay, 0.2, None).unwrap_err();
     assert_eq!(refusal, Refusal::ForeignAlphabet);
 }

@@ -73,9 +73,19 @@ pub struct InferenceRow {
     pub gflops: f64,
     /// The same of the fastest run: what an undisturbed machine does.
     pub best_gflops: f64,
-    /// The share of the device's measured peak: by processor time where that is known, else of
-    /// the fastest run.
+    /// The share of the device's measured peak that the fastest run reaches.
     pub peak_share: f64,
+}
+
+/// A network that was not measured on a device.
+#[derive(Clone, Debug, Serialize)]
+pub struct LeftOut {
+    /// The network.
+    pub network: String,
+    /// The device.
+    pub device: String,
+    /// Why.
+    pub reason: &'static str,
 }
 
 /// A device and what it can do.
@@ -104,6 +114,8 @@ pub struct InferenceTable {
     pub start: Vec<StartRow>,
     /// One row for each network and device.
     pub rows: Vec<InferenceRow>,
+    /// What is missing among them, and why.
+    pub left_out: Vec<LeftOut>,
     /// From when on guidance pays, if that was measured.
     pub break_even: Option<BreakEven>,
 }
@@ -125,6 +137,7 @@ impl InferenceTable {
             devices: Vec::new(),
             start: Vec::new(),
             rows: Vec::new(),
+            left_out: Vec::new(),
             break_even: None,
         }
     }
@@ -147,8 +160,13 @@ impl InferenceTable {
             peak_gflops,
         });
         for network in networks {
-            if let Some(row) = self.row(device, network, &mission, peak_gflops)? {
-                self.rows.push(row);
+            match self.row(device, network, &mission, peak_gflops)? {
+                Ok(row) => self.rows.push(row),
+                Err(reason) => self.left_out.push(LeftOut {
+                    network: network.name.clone(),
+                    device: device.name(),
+                    reason,
+                }),
             }
             done();
         }
@@ -161,7 +179,7 @@ impl InferenceTable {
         network: &Network,
         mission: &SampleMission,
         peak: f64,
-    ) -> Result<Option<InferenceRow>, WeightError> {
+    ) -> Result<Result<InferenceRow, &'static str>, WeightError> {
         let begin = Instant::now();
         let model = network.build()?;
         let built = begin.elapsed();
@@ -169,16 +187,18 @@ impl InferenceTable {
         let inputs = mission.inputs(&raster);
         let multiply_adds = model.program.multiply_adds(inputs.size());
         if device.kind() == "software" && multiply_adds > self.settings.software_limit {
-            return Ok(None);
+            return Ok(Err(
+                "too large for an adapter that computes on the processor",
+            ));
         }
         let begin = Instant::now();
         let Some(mut run) = device.open(&model.program, self.settings.threads) else {
-            return Ok(None);
+            return Ok(Err("the device could not be opened for it"));
         };
         let start = built + begin.elapsed();
         let first = Instant::now();
         if !run(&model.program, &inputs) {
-            return Ok(None);
+            return Ok(Err("the device failed in its first run"));
         }
         let first_ms = milliseconds(first.elapsed());
         let before = thread_seconds();
@@ -188,13 +208,13 @@ impl InferenceTable {
             .map(|(after, before)| after - before);
         let alone = device.kind() == "cpu" && self.settings.threads <= 1;
         let Some(steady_ms) = Summary::of(&times) else {
-            return Ok(None);
+            return Ok(Err("the device failed in a later run"));
         };
         let gflops = |ms: f64| 2e-6 * multiply_adds as f64 / ms;
         let cpu_ms = spent
             .filter(|_| alone)
             .map(|s| 1e3 * s / times.len() as f64);
-        Ok(Some(InferenceRow {
+        Ok(Ok(InferenceRow {
             network: network.name.clone(),
             device: device.name(),
             multiply_adds,
@@ -203,7 +223,7 @@ impl InferenceTable {
             cpu_ms,
             gflops: gflops(steady_ms.median),
             best_gflops: gflops(steady_ms.min),
-            peak_share: gflops(cpu_ms.unwrap_or(steady_ms.min)) / peak,
+            peak_share: gflops(steady_ms.min) / peak,
             steady_ms,
         }))
     }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::InferenceTable;
+use super::{InferenceTable, LeftOut};
 
 impl InferenceTable {
     /// The table as Markdown, and the line that says from when on guidance pays.
@@ -52,6 +52,14 @@ impl InferenceTable {
                 r.best_gflops,
                 100.0 * r.peak_share
             );
+        }
+        for LeftOut {
+            network,
+            device,
+            reason,
+        } in &self.left_out
+        {
+            let _ = writeln!(text, "\nNot measured: {network} on {device}, {reason}.");
         }
         if let Some(even) = &self.break_even {
             let _ = writeln!(

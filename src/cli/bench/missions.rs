@@ -210,8 +210,16 @@ pub(super) fn cases(
         })
         .collect();
     for predictor in predictors {
-        let device = predictor.device().to_owned();
         let found = mission::predict_many(predictor, &asked);
+        // Only now is it known what ran them.
+        let device = predictor.device().to_owned();
+        if networks.iter().any(|(known, _)| *known == device) {
+            let notices = found.iter().flatten().filter_map(|p| p.notice.as_deref());
+            notices.for_each(|notice| console.warn(notice));
+            let says = format!("two of the devices are {device}: it is measured once");
+            console.warn(&says);
+            continue;
+        }
         networks.push((device.clone(), Arc::new(Mutex::new(predictor.clone()))));
         for ((mission, all), prediction) in missions.iter().zip(&mut predictions).zip(found) {
             match prediction {

@@ -8,6 +8,9 @@ use crate::alphabet::Letter;
 use crate::automaton::Task;
 use crate::queue::Entry;
 
+/// Nodes between two looks at whether to end.
+const CHECKED: usize = 1024;
+
 /// A node of the product: a gate, the letter that it leads into, and the automaton's state there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
@@ -51,7 +54,8 @@ pub(super) struct Product<'t> {
 }
 
 impl<'t> Product<'t> {
-    pub(super) fn new(gates: &Gates, task: &'t Task, weight: f64) -> Self {
+    /// Where it is time to end it is of no use.
+    pub(super) fn new(gates: &Gates, task: &'t Task, weight: f64, halt: Halt<'t>) -> Self {
         let relations = Relations::new(&task.nba);
         let letters: Vec<Letter> = gates.letters.iter().map(|l| l.1).collect();
         let states = task.nba.len() as u32;
@@ -68,6 +72,9 @@ impl<'t> Product<'t> {
             });
         }
         for gate in 1..gates.gates.len() {
+            if halt.is_due() {
+                break;
+            }
             for (from, to) in gates.crossings(gate) {
                 ends[from].push((gate, to));
                 for (state, crossed) in (0..states).flat_map(|q| [(q, false), (q, true)]) {
@@ -90,6 +97,9 @@ impl<'t> Product<'t> {
         let mut class_of = HashMap::new();
         let mut legs = Vec::new();
         for (i, node) in nodes.iter().enumerate() {
+            if i % CHECKED == 0 && halt.is_due() {
+                break;
+            }
             for &(gate, to) in &ends[node.letter] {
                 let goes_on = gates.goes_on(node, gate);
                 let length = gates.straight(node.gate, gate);
@@ -133,7 +143,7 @@ impl<'t> Product<'t> {
             legs,
             out: Vec::new(),
             into: Vec::new(),
-            halt: Halt::NEVER,
+            halt,
         };
         product.index();
         product
@@ -168,7 +178,12 @@ impl<'t> Product<'t> {
                 queue.push(Reverse(Entry(cost, n as u32)));
             }
         }
+        let mut popped = 0;
         while let Some(Reverse(Entry(cost, n))) = queue.pop() {
+            popped += 1;
+            if popped % CHECKED == 0 && self.halt.is_due() {
+                break;
+            }
             if cost > found[n as usize] {
                 continue;
             }

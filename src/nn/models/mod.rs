@@ -23,6 +23,15 @@ pub struct Model {
 }
 
 impl Model {
+    /// Builds the network of a weight file's bytes; `name` stands for the file in messages.
+    ///
+    /// # Errors
+    /// All that is wrong with the file at once: its structure and values, its configuration, and its tensors beside what the configuration
+    /// asks for. Only what cannot be read hides what lies in it.
+    pub fn read(name: &str, bytes: &[u8]) -> Result<Self, WeightError> {
+        Ok(WeightFile::examine(name, bytes)?.build(Self::new)?.1)
+    }
+
     /// Builds the network that a weight file describes.
     ///
     /// # Errors

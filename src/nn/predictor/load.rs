@@ -12,7 +12,7 @@ use crate::nn::cpu::Session;
 use crate::nn::device::{Backend, DeviceChoice, Estimate};
 use crate::nn::models::Model;
 use crate::nn::program::GraphSize;
-use crate::nn::weights::{WeightError, WeightFile};
+use crate::nn::weights::{Examined, WeightError, WeightFile};
 use crate::number::hex;
 
 /// The file names of a model's two networks in its directory.
@@ -66,6 +66,9 @@ pub enum LoadError {
         /// What was expected.
         expected: Kind,
     },
+    /// Both files are at fault.
+    #[error("{0}\n{1}")]
+    Both(Box<Self>, Box<Self>),
     /// No weights are built in.
     #[error("no weights are built into this program: name a directory with weights")]
     NotEmbedded,
@@ -115,7 +118,7 @@ impl Predictor {
             let path = directory.join(name);
             let file = path.display().to_string();
             match std::fs::read(&path) {
-                Ok(bytes) => Network::new(WeightFile::parse(&file, &bytes), kind),
+                Ok(bytes) => Network::new(WeightFile::examine(&file, &bytes), kind),
                 Err(source) => Err(LoadError::Read { file, source }),
             }
         };
@@ -131,7 +134,7 @@ impl Predictor {
     /// If there are none.
     pub fn embedded(options: impl Into<LoadOptions>) -> Result<Self, LoadError> {
         let [path, state] = embedded().ok_or(LoadError::NotEmbedded)?;
-        let load = |name, bytes, kind| Network::new(WeightFile::parse_trusted(name, bytes), kind);
+        let load = |name, bytes, kind| Network::new(WeightFile::examine_trusted(name, bytes), kind);
         Self::from_networks(
             side_by_side(
                 || load("built-in PathNet", path, Kind::PathNet),
@@ -150,7 +153,7 @@ impl Predictor {
         [path, state]: [(&str, &[u8]); 2],
         options: impl Into<LoadOptions>,
     ) -> Result<Self, LoadError> {
-        let load = |(name, bytes), kind| Network::new(WeightFile::parse(name, bytes), kind);
+        let load = |(name, bytes), kind| Network::new(WeightFile::examine(name, bytes), kind);
         Self::from_networks(
             side_by_side(|| load(path, Kind::PathNet), || load(state, Kind::StateNet)),
             options.into(),
@@ -164,11 +167,7 @@ impl Predictor {
         let networks = match networks {
             (Ok(path), Ok(state)) => [path, state],
             // Tell all that is wrong with either file at once.
-            (Err(LoadError::Weights(mut a)), Err(LoadError::Weights(b))) => {
-                a.file = format!("{}, {}", a.file, b.file);
-                a.faults.extend(b.faults);
-                return Err(a.into());
-            }
+            (Err(a), Err(b)) => return Err(LoadError::Both(Box::new(a), Box::new(b))),
             (Err(error), _) | (_, Err(error)) => return Err(error),
         };
         let mut digest = Sha256::new();
@@ -200,9 +199,8 @@ struct Network {
 }
 
 impl Network {
-    fn new(file: Result<WeightFile<'_>, WeightError>, expected: Kind) -> Result<Self, LoadError> {
-        let file = file?;
-        let model = Model::new(&file)?;
+    fn new(file: Result<Examined<'_>, WeightError>, expected: Kind) -> Result<Self, LoadError> {
+        let (file, model) = file?.build(Model::new)?;
         let found = model.config.kind();
         if found != expected {
             return Err(LoadError::Kind {

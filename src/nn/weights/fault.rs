@@ -2,6 +2,9 @@
 
 use std::fmt;
 
+/// So many faults of a file are printed; the error holds all of them.
+const TOLD: usize = 100;
+
 /// One thing that is wrong with a weight file.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -10,7 +13,7 @@ pub enum Fault {
     #[error("not a safetensors file: {0}")]
     Structure(String),
     /// The header has a name twice.
-    #[error("`{0}` stands twice in the header")]
+    #[error("`{}` stands twice in the header", .0.escape_debug())]
     Twice(String),
     /// An entry of `__metadata__` is missing.
     #[error("`__metadata__` lacks `{0}`: export the weights again with the project's own script")]
@@ -25,7 +28,7 @@ pub enum Fault {
     },
     /// A version that this program does not read.
     #[error(
-        "{what} version {found}, this program reads version {expected}: use weights made for it"
+        "{what} version {found}, this program reads versions up to {expected}: use weights made for it"
     )]
     Version {
         /// `format` or `encoding`.
@@ -54,7 +57,7 @@ pub enum Fault {
         expected: String,
     },
     /// A tensor is missing.
-    #[error("tensor `{name}` of shape {shape:?} is missing")]
+    #[error("tensor `{}` of shape {shape:?} is missing", name.escape_debug())]
     Missing {
         /// Its name.
         name: String,
@@ -62,10 +65,10 @@ pub enum Fault {
         shape: Vec<usize>,
     },
     /// A tensor that the model has no use for.
-    #[error("tensor `{0}` is not part of this model")]
+    #[error("tensor `{}` is not part of this model", .0.escape_debug())]
     Unused(String),
     /// A tensor of another shape.
-    #[error("tensor `{name}` has shape {found:?}, expected {expected:?}")]
+    #[error("tensor `{}` has shape {found:?}, expected {expected:?}", name.escape_debug())]
     Shape {
         /// Its name.
         name: String,
@@ -75,7 +78,7 @@ pub enum Fault {
         expected: Vec<usize>,
     },
     /// A tensor of another type of number.
-    #[error("tensor `{name}` is of type {found}, expected F32 or F16")]
+    #[error("tensor `{}` is of type {found}, expected F32 or F16", name.escape_debug())]
     Type {
         /// Its name.
         name: String,
@@ -83,7 +86,7 @@ pub enum Fault {
         found: String,
     },
     /// A tensor with NaN or infinite values.
-    #[error("tensor `{name}` has {count} values that are not finite, the first at index {first}")]
+    #[error("tensor `{}` has {count} values that are not finite, the first at index {first}", name.escape_debug())]
     NotFinite {
         /// Its name.
         name: String,
@@ -95,6 +98,11 @@ pub enum Fault {
     /// A variance that is negative.
     #[error("tensor `{0}` holds a negative variance")]
     Variance(String),
+    /// A norm whose factor or addend no `f32` can hold.
+    #[error(
+        "the norm `{0}` overflows: its weights over its standard deviations, or its means by these, are not finite"
+    )]
+    Norm(String),
 }
 
 /// Everything that is wrong with a weight file.
@@ -112,7 +120,12 @@ impl fmt::Display for WeightError {
             [only] => write!(f, "{}: {only}", self.file),
             all => {
                 write!(f, "{}: {} faults", self.file, all.len())?;
-                all.iter().try_for_each(|fault| write!(f, "\n  {fault}"))
+                let mut told = all.iter().take(TOLD);
+                told.try_for_each(|fault| write!(f, "\n  {fault}"))?;
+                match all.len().saturating_sub(TOLD) {
+                    0 => Ok(()),
+                    more => write!(f, "\n  and {more} more"),
+                }
             }
         }
     }

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, HashSet};
 use std::fmt;
 
 use safetensors::{Dtype, SafeTensors};
+use serde::Deserialize;
 use serde::de::{Deserializer, IgnoredAny, MapAccess, Visitor};
 use sha2::{Digest, Sha256};
 
@@ -45,22 +46,29 @@ impl<'a> WeightFile<'a> {
     /// A broken structure, a name that stands twice, missing metadata, a digest that does not
     /// match, tensors that are not `f32` or `f16`, or that hold NaN or infinite values.
     pub fn parse(name: &str, bytes: &'a [u8]) -> Result<Self, WeightError> {
+        Self::examine(name, bytes)?.sound()
+    }
+
+    /// As [`Self::parse`], with what is wrong beside what could be read, so that the model can add what it finds.
+    pub(in crate::nn) fn examine(name: &str, bytes: &'a [u8]) -> Result<Examined<'a>, WeightError> {
         Self::read(name, bytes, false)
     }
 
-    /// As [`Self::parse`], for bytes that are part of the program: their digest is the one they
+    /// As [`Self::examine`], for bytes that are part of the program: their digest is the one they
     /// state, their values are finite and no name stands twice, which a test has checked once and
     /// for all.
-    pub(in crate::nn) fn parse_trusted(name: &str, bytes: &'a [u8]) -> Result<Self, WeightError> {
+    pub(in crate::nn) fn examine_trusted(
+        name: &str,
+        bytes: &'a [u8],
+    ) -> Result<Examined<'a>, WeightError> {
         Self::read(name, bytes, true)
     }
 
-    fn read(name: &str, bytes: &'a [u8], trusted: bool) -> Result<Self, WeightError> {
-        let fail = |faults| WeightError {
+    fn read(name: &str, bytes: &'a [u8], trusted: bool) -> Result<Examined<'a>, WeightError> {
+        let broken = |reason: String| WeightError {
             file: name.to_owned(),
-            faults,
+            faults: vec![Fault::Structure(reason)],
         };
-        let broken = |reason: String| fail(vec![Fault::Structure(reason)]);
         let (length, header) =
             SafeTensors::read_metadata(bytes).map_err(|e| broken(e.to_string()))?;
         let (text, buffer) = bytes[8..].split_at(length);
@@ -77,31 +85,33 @@ impl<'a> WeightFile<'a> {
             if found.is_none() {
                 faults.push(Fault::NoMetadata(key));
             }
-            found.unwrap_or_default()
+            found
         };
-        let (config, training, stated) = (entry("config"), entry("training"), entry("sha256"));
-        let mut json = |entry: &'static str, text: &str| {
-            serde_json::from_str(text).unwrap_or_else(|e| {
-                if !text.is_empty() {
-                    faults.push(Fault::BadMetadata {
-                        entry,
-                        reason: e.to_string(),
-                    });
-                }
-                serde_json::Value::Null
-            })
-        };
-        let (config, training) = (json("config", &config), json("training", &training));
-        let sha256 = if trusted {
-            stated.clone()
-        } else {
-            hex(&Sha256::digest(buffer))
-        };
-        if !stated.is_empty() && stated != sha256 {
-            faults.push(Fault::Digest {
-                found: sha256.clone(),
-                expected: stated,
+        let texts = [entry("config"), entry("training")];
+        let stated = entry("sha256");
+        let mut json = |entry: &'static str, text: Option<String>| {
+            let text = text?; // told as missing
+            if !trusted {
+                faults.extend(duplicates(text.as_bytes()));
+            }
+            let read = serde_json::from_str(&text);
+            let read = read.map_err(|e| {
+                faults.push(Fault::BadMetadata {
+                    entry,
+                    reason: e.to_string(),
+                });
             });
+            read.ok()
+        };
+        let [config, training] = texts;
+        let (config, training) = (json("config", config), json("training", training));
+        let sha256 = match &stated {
+            Some(stated) if trusted => stated.clone(),
+            _ => hex(&Sha256::digest(buffer)),
+        };
+        if let Some(expected) = stated.filter(|stated| *stated != sha256) {
+            let found = sha256.clone();
+            faults.push(Fault::Digest { found, expected });
         }
         let tensors = header
             .tensors()
@@ -117,23 +127,70 @@ impl<'a> WeightFile<'a> {
                 Some((name, tensor))
             })
             .collect();
-        if !faults.is_empty() {
-            faults.sort_by_key(ToString::to_string);
-            return Err(fail(faults));
-        }
-        Ok(Self {
+        faults.sort_by_key(ToString::to_string);
+        let file = Self {
             name: name.to_owned(),
-            config,
-            training,
+            config: config.unwrap_or_default(),
+            training: training.unwrap_or_default(),
             sha256,
             tensors,
-        })
+        };
+        Ok(Examined { file, faults })
     }
 
     /// How many numbers the tensors hold together.
     #[must_use]
     pub fn parameters(&self) -> usize {
         self.tensors.values().map(|t| t.values.len()).sum()
+    }
+}
+
+/// What could be read of a weight file, and what is wrong with it.
+#[derive(Debug)]
+pub(in crate::nn) struct Examined<'a> {
+    pub(in crate::nn) file: WeightFile<'a>,
+    pub(in crate::nn) faults: Vec<Fault>,
+}
+
+impl<'a> Examined<'a> {
+    /// The file, if nothing is wrong with it.
+    fn sound(self) -> Result<WeightFile<'a>, WeightError> {
+        if self.faults.is_empty() {
+            return Ok(self.file);
+        }
+        Err(WeightError {
+            file: self.file.name,
+            faults: self.faults,
+        })
+    }
+
+    /// The file, and what `build` makes of it; or all that is wrong with it, with what `build` says of it.
+    pub(in crate::nn) fn build<T>(
+        self,
+        build: impl FnOnce(&WeightFile<'a>) -> Result<T, WeightError>,
+    ) -> Result<(WeightFile<'a>, T), WeightError> {
+        let Self { file, mut faults } = self;
+        match build(&file) {
+            Ok(built) if faults.is_empty() => return Ok((file, built)),
+            Ok(_) => {}
+            Err(e) => {
+                // A tensor of a type that cannot be read is there, and a config that cannot be read was told.
+                let of_other_type = |name: &str| {
+                    let mut types = faults.iter();
+                    types.any(|f| matches!(f, Fault::Type { name: n, .. } if n == name))
+                };
+                let told = |fault: &Fault| match fault {
+                    Fault::Missing { name, .. } => of_other_type(name),
+                    _ => file.config.is_null(),
+                };
+                let more: Vec<Fault> = e.faults.into_iter().filter(|f| !told(f)).collect();
+                faults.extend(more);
+            }
+        }
+        Err(WeightError {
+            file: file.name,
+            faults,
+        })
     }
 }
 
@@ -189,26 +246,36 @@ fn not_finite(name: &str, values: &[f32]) -> Option<Fault> {
     })
 }
 
-/// The names that stand more than once in a header (JSON readers keep the last one silently).
-fn duplicates(header: &[u8]) -> Vec<Fault> {
+/// The names that stand more than once in an object, or in the header's `__metadata__` (JSON readers keep the last one silently). What is no
+/// object has none.
+fn duplicates(object: &[u8]) -> Vec<Fault> {
+    #[derive(Default)]
     struct Names(Vec<Fault>);
     impl<'de> Visitor<'de> for Names {
-        type Value = Vec<Fault>;
+        type Value = Self;
         fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
             f.write_str("an object")
         }
-        fn visit_map<A: MapAccess<'de>>(mut self, mut map: A) -> Result<Self::Value, A::Error> {
+        fn visit_map<A: MapAccess<'de>>(mut self, mut map: A) -> Result<Self, A::Error> {
             let mut seen = HashSet::new();
-            while let Some((name, IgnoredAny)) = map.next_entry::<String, IgnoredAny>()? {
+            while let Some(name) = map.next_key::<String>()? {
+                if name == "__metadata__" {
+                    self.0.extend(map.next_value::<Self>()?.0);
+                } else {
+                    map.next_value::<IgnoredAny>()?;
+                }
                 if let Some(twice) = seen.replace(name) {
                     self.0.push(Fault::Twice(twice));
                 }
             }
-            Ok(self.0)
+            Ok(self)
         }
     }
-    let mut reader = serde_json::Deserializer::from_slice(header);
-    reader
-        .deserialize_map(Names(Vec::new()))
-        .unwrap_or_else(|e| vec![Fault::Structure(e.to_string())])
+    impl<'de> Deserialize<'de> for Names {
+        fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+            deserializer.deserialize_map(Self::default())
+        }
+    }
+    // What cannot be read is told by who reads it.
+    serde_json::from_slice::<Names>(object).map_or_else(|_| Vec::new(), |names| names.0)
 }

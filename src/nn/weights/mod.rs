@@ -9,6 +9,7 @@ mod random;
 mod source;
 
 pub use fault::{Fault, WeightError};
+pub(in crate::nn) use file::Examined;
 pub use file::{Tensor, WeightFile};
 pub use source::{
     EdgeWeights, Norm, TensorSource, conv_weights, linear_weights, transposed_weights,

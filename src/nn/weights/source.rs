@@ -54,14 +54,19 @@ impl<'a> TensorSource<'a> {
         check
             .faults
             .extend(left.map(|name| Fault::Unused(name.clone())));
+        let fail = |faults| WeightError {
+            file: file.name.clone(),
+            faults,
+        };
         if !check.faults.is_empty() {
-            return Err(WeightError {
-                file: file.name.clone(),
-                faults: check.faults,
-            });
+            return Err(fail(check.faults));
         }
         let mut program = Program::default();
-        let built = build(&mut new(true), &mut program);
+        let mut fill = new(true);
+        let built = build(&mut fill, &mut program);
+        if !fill.faults.is_empty() {
+            return Err(fail(fill.faults));
+        }
         program.check();
         program.prune();
         Ok((program, built))
@@ -124,9 +129,12 @@ impl<'a> TensorSource<'a> {
                     })
                     .collect();
                 let shifted = bias.values.iter().zip(mean.values.iter()).zip(&factor);
-                let addend = shifted
+                let addend: Vec<f32> = shifted
                     .map(|((b, m), f)| (f64::from(*b) - f64::from(*m) * f64::from(*f)) as f32)
                     .collect();
+                if !factor.iter().chain(&addend).all(|f| f.is_finite()) {
+                    self.faults.push(Fault::Norm(prefix.to_owned()));
+                }
                 (factor, addend)
             }
         }

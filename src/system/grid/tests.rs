@@ -145,7 +145,7 @@ fn bad_grids_are_refused_with_the_reason() {
     ));
     assert!(matches!(
         new([10, 10], f64::NAN, corner),
-        GridError::Extent { .. }
+        GridError::Side { .. }
     ));
     let off = new([10, 10], 0.1, p(0.1, 0.05));
     assert!(off.to_string().contains("nearest"), "{off}");

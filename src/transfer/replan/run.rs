@@ -79,6 +79,12 @@ impl<'a> Run<'a> {
     }
 
     fn is_accepting_run(&self, plan: &Path) -> bool {
+        // A plan of another mission, or of another program, may name states that this automaton lacks.
+        let states = self.task.nba.len();
+        let mut points = plan.prefix.iter().chain(&plan.suffix);
+        if points.any(|w| w.state.index() >= states) {
+            return false;
+        }
         let follows = |points: &[Waypoint], letters: &[LetterSet]| {
             let mut legs = points.windows(2).zip(letters);
             legs.all(|(w, l)| self.steps(w[0].state, l, w[1].state))

@@ -80,7 +80,7 @@ pub enum AlphabetError {
     DuplicateProposition(String),
     /// More propositions than the representation holds.
     #[error(
-        "{found} propositions, at most {limit} are supported here: name fewer regions, or say that they are disjoint"
+        "{found} propositions, at most {limit} are supported here: {}", if *limit == MAX_POWERSET { "name fewer, or say that they are disjoint" } else { "leave some out" }
     )]
     TooManyPropositions {
         /// How many were asked for.

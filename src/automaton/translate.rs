@@ -52,7 +52,7 @@ pub enum TranslateError {
     },
     /// [`Limits::time`] was hit.
     #[error(
-        "translation took longer than {limit:?}: simplify the formula, or raise the limit on time"
+        "translation took longer than {} s: simplify the formula, or raise the limit on time", limit.as_secs_f64()
     )]
     Time {
         /// The limit.

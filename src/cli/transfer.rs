@@ -19,7 +19,7 @@ use crate::transfer::{LibraryFile, Reused, learn};
 pub(super) fn run(args: &TransferArgs, console: &Console) -> Result<(), Failure> {
     let began = Instant::now();
     if args.plan.sampler == SamplerName::Exact {
-        let why = "transfer planning samples: choose uniform, biased or guided, or use `nngtl plan --sampler exact`";
+        let why = "transfer planning samples: choose another sampler, or use `nngtl plan --sampler exact`";
         return Err(Failure::input(why));
     }
     // Before a mission of many seconds is translated.

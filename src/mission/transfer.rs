@@ -11,11 +11,14 @@ use crate::automaton::Task;
 use crate::plan::{Cost, Path, PlanStats, StageSeconds};
 use crate::planner::{Problem, Progress, Sampler, Stop};
 use crate::scenario::Scenario;
-use crate::shorten::{SWEEPS, Shortener};
+use crate::shorten::{SLACK, SWEEPS, Shortener};
 use crate::transfer::{
     self, BeyondRepair, BuildProgress, BuildSampler, BuildSettings, Built, Library, Repair,
     Replanned, Reused,
 };
+
+/// A repaired plan is changed for a cheaper one near it so often at most.
+const ROUNDS: usize = 8;
 
 /// Builds a library from a scenario's mission. The sampler is `uniform` as in the paper, or `guided` by
 /// the heatmap of that mission; `auto` is uniform. Told beside the library is what a user should know of the device.
@@ -131,6 +134,36 @@ fn shortened(problem: &Problem, options: &Options, path: Path, cost: Cost) -> (P
     }
 }
 
+/// A repaired plan with what the change made pointless taken out: a loop may lead to a waypoint for the way that is closed now, and back. Its
+/// entries, the sides on which it passes obstacles and the order of its visits are looked at, as a search does with its best plan.
+fn looked_around(
+    problem: &Problem,
+    options: &Options,
+    (path, cost): (Path, Cost),
+    is_due: impl Fn() -> bool,
+) -> (Path, Cost) {
+    let mut best = shortened(problem, options, path, cost);
+    let Some(map) = problem.system.plane().filter(|_| options.settings.shorten) else {
+        return best;
+    };
+    let shortener = Shortener::new(map, &problem.task, problem.weight);
+    let walk = |from, to| {
+        let mut way = Vec::new();
+        if !is_due() {
+            problem.system.walk(from, to, &mut |at| way.push(at));
+        }
+        way
+    };
+    for _ in 0..ROUNDS {
+        let others = shortener.others(&best.0, &walk, SLACK);
+        match others.min_by(|a, b| a.1.total.total_cmp(&b.1.total)) {
+            Some(other) if other.1.total < best.1.total => best = other,
+            _ => break,
+        }
+    }
+    best
+}
+
 /// What was done to a plan in a changed environment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Change {
@@ -181,7 +214,10 @@ pub fn replan_task(
     };
     problem.task = Arc::clone(&repair.task);
     if change != Change::None {
-        (repair.path, repair.cost) = shortened(&problem, options, repair.path, repair.cost);
+        let budget = options.settings.time_budget();
+        let is_due = || stop.is_raised() || budget.is_some_and(|b| began.elapsed() >= b);
+        let repaired = (repair.path, repair.cost);
+        (repair.path, repair.cost) = looked_around(&problem, options, repaired, is_due);
     }
     let Repair {
         path, cost, task, ..

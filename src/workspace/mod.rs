@@ -141,7 +141,7 @@ impl Place {
 pub enum WorkspaceError {
     /// The bounds are empty, inverted, not finite or beyond [`MAX_COORDINATE`].
     #[error(
-        "bounds [{}, {}] to [{}, {}] are not a rectangle to plan in: give the lower-left corner first, finite, each side longer than 0 and a millionth of the other, coordinates within ±{MAX_COORDINATE:e}", Brief(*min_x), Brief(*min_y), Brief(*max_x), Brief(*max_y)
+        "bounds [{}, {}] to [{}, {}] are not a rectangle to plan in: give the lower-left corner first, finite, each side longer than 0 and than a millionth of the other, coordinates within ±{MAX_COORDINATE:e}", Brief(*min_x), Brief(*min_y), Brief(*max_x), Brief(*max_y)
     )]
     BadBounds {
         /// Lowest x.

@@ -124,7 +124,7 @@ pub(in crate::cli) struct TransferArgs {
 ///
 /// Only the segments that new obstacles broke are planned again. Where that is not possible, the
 /// mission is planned anew, with the library if one is given: that is quicker, and often cheaper. The whole plan
-/// is checked. The mission is that of the plan, unless `--task` names another.
+/// is checked. The mission and the prefix's weight are those of the plan, whatever the scenario says, unless `--task` or `--weight` name others.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:\n  nngtl replan changed.toml plan.json --out repaired.json")]
 pub(in crate::cli) struct ReplanArgs {

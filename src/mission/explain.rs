@@ -301,7 +301,7 @@ impl Fact {
             holds(all, any) && !fewer_all && !fewer_any
         };
         let mut found = Vec::new();
-        for &all in subsets.iter().filter(|all| all.len() > 0) {
+        for &all in subsets.iter().filter(|all| !all.is_empty()) {
             for &any in subsets.iter().filter(|any| any.0 & all.0 == 0) {
                 if all.len() + any.len() > 2 && least(all, any) {
                     found.push(match any.len() {

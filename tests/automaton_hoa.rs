@@ -157,7 +157,10 @@ fn everything_else_is_refused_by_name() {
             "HOA: v1 AP: 1 \"kitchen\"".to_owned(),
             "`kitchen` is not one of the regions (a, b, c)",
         ),
-        ("HOA: v1 States: 4000000000".to_owned(), "at most 20000"),
+        (
+            "HOA: v1 States: 4000000000".to_owned(),
+            "more than 20000 states",
+        ),
         ("HOA: v1 /* x".to_owned(), "comment has no end"),
         ("HOA: v1 name: \"x".to_owned(), "string has no end"),
         ("HOA: v1 $".to_owned(), "found `$`"),

@@ -25,19 +25,11 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
     let began = Instant::now();
     let (scenario, task, translate) = read(args, console)?;
     let options = options(args);
-    let limit_alone = Settings {
-        time_limit: options.settings.time_limit,
-        ..Settings::default()
-    };
-    if args.sampler == SamplerName::Exact && options.settings != limit_alone {
-        console.warn(
-            "--sampler exact draws no samples: of the settings of the search only --time-limit means something to it",
-        );
-    }
     let search = |stop: &Stop, observe: &mut dyn FnMut(Progress)| {
         mission::plan_task(&scenario, task, &options, stop, observe)
     };
     let (mut planned, ended) = watched(&scenario, &options, console, search)?;
+    planned.notices.extend(ignored(&options));
     finish(&mut planned, ended, began, translate, console);
     write_files(args, &scenario, &planned, &[], console)?;
     let text = if console.json() {
@@ -46,6 +38,18 @@ pub(super) fn run(args: &PlanArgs, console: &Console) -> Result<(), Failure> {
         describe(&scenario, &planned)
     };
     Ok(console.result(&text)?)
+}
+
+/// What is said where settings were chosen that mean nothing.
+fn ignored(options: &Options) -> Option<String> {
+    let limit_alone = Settings {
+        time_limit: options.settings.time_limit,
+        ..Settings::default()
+    };
+    let is_ignored = options.sampler == SamplerChoice::Exact && options.settings != limit_alone;
+    is_ignored.then(|| {
+        "--sampler exact draws no samples: of the settings of the search only --time-limit means something to it".to_owned()
+    })
 }
 
 /// Reads the mission: the scenario, its automaton, and the seconds that the translation took.

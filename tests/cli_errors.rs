@@ -172,13 +172,18 @@ fn files_without_scenarios_and_regions_beyond_the_map_are_called_so() {
     }
 }
 
+/// Writes an automaton file, and gives its path.
+fn automaton(folder: &tempfile::TempDir, text: &str) -> String {
+    let path = folder.path().join("a.hoa");
+    std::fs::write(&path, text).unwrap();
+    path.display().to_string()
+}
+
 #[test]
 fn a_mistake_in_an_automaton_is_told_once() {
     let folder = folder();
-    let path = folder.path().join("a.hoa");
     let text = "HOA: v1\nStates: 1\nStart: 0\nAP: 1 \"l1\"\nAcceptance: 1 Fin(0)\n--BODY--\nState: 0 [0] 0\n--END--\n";
-    std::fs::write(&path, text).unwrap();
-    let path = path.display().to_string();
+    let path = automaton(&folder, text);
     let run = nngtl(&["plan", &shipped("case-study.toml"), "--automaton", &path]);
     assert_eq!(run.code, 2, "{run:?}");
     assert_eq!(run.err.matches("error").count(), 1, "{run:?}");
@@ -191,12 +196,10 @@ fn a_mistake_in_an_automaton_is_told_once() {
 fn limits_of_translation_have_an_outcome_and_an_option() {
     let folder = folder();
     let scenario = shipped("case-study.toml");
-    let hoa = folder.path().join("a.hoa");
     let text =
         "HOA: v1\nStates: 3\nStart: 0\nAP: 0\nAcceptance: 0 t\n--BODY--\nState: 0 [t] 0\n--END--\n";
-    std::fs::write(&hoa, text).unwrap();
-    let (hoa, out) = (hoa.display().to_string(), folder.path().join("x.png"));
-    let out = out.display().to_string();
+    let hoa = automaton(&folder, text);
+    let out = folder.path().join("x.png").display().to_string();
     for (words, option) in [
         (
             vec!["translate", "GFa & GFb & Fc", "--max-states", "1"],
@@ -245,10 +248,8 @@ fn limits_of_translation_have_an_outcome_and_an_option() {
 #[test]
 fn an_automaton_that_accepts_nothing_is_not_the_maps_fault() {
     let folder = folder();
-    let hoa = folder.path().join("a.hoa");
     let text = "\u{feff}HOA: v1\nStates: 2\nStart: 0\nAP: 1 \"l1\"\nAcceptance: 1 Inf(0)\n--BODY--\nState: 0 [!0] 0 [0] 1\nState: 1 [t] 1\n--END--\n";
-    std::fs::write(&hoa, text).unwrap();
-    let hoa = hoa.display().to_string();
+    let hoa = automaton(&folder, text);
     let run = nngtl(&[
         "plan",
         &shipped("case-study.toml"),

@@ -307,3 +307,43 @@ fn a_plan_is_repaired_for_another_task() {
         assert!(repaired.out.contains("verified"), "{task}: {repaired:?}");
     }
 }
+
+/// One end of an aisle is closed: the old way out of it, now there and back, is not kept for its own sake.
+#[test]
+fn a_repair_keeps_no_way_that_leads_nowhere() {
+    let folder = folder();
+    let (scenario, plan) = (file(&folder, "map.toml"), file(&folder, "plan.json"));
+    let text = |closed: &str| {
+        format!(
+            r#"
+start = [1, 1]
+robot_radius = 0.3
+task = "[]<> dock && []<> shelf1 && []<> shelf2 && [] !hazard && (!shelf1 U charge)"
+[workspace]
+bounds = [[0, 0], [20, 12]]
+obstacles = [{closed}
+  [[4, 2], [5, 2], [5, 10], [4, 10]],
+  [[8, 2], [9, 2], [9, 10], [8, 10]],
+  [[12, 2], [13, 2], [13, 10], [12, 10]],
+]
+[workspace.regions]
+dock = [[0, 10], [2, 10], [2, 12], [0, 12]]
+shelf1 = [[6, 5], [7, 5], [7, 6], [6, 6]]
+shelf2 = [[10, 5], [11, 5], [11, 6], [10, 6]]
+charge = [[17, 1], [19, 1], [19, 3], [17, 3]]
+hazard = [[14, 8], [19, 8], [19, 11], [14, 11]]
+"#
+        )
+    };
+    std::fs::write(&scenario, text("")).unwrap();
+    done(&["plan", &scenario, "--out", &plan, "--iterations", "1000"]);
+    std::fs::write(&scenario, text("[[5, 9.5], [8, 9.5], [8, 12], [5, 12]],")).unwrap();
+    let cost = |words: &[&str]| {
+        let object = done(words).json();
+        let repaired = object["change"]["kind"] == "repaired";
+        (object["plan"]["cost"]["total"].as_f64().unwrap(), repaired)
+    };
+    let (repaired, is_repaired) = cost(&["replan", &scenario, &plan, "--json"]);
+    let (anew, _) = cost(&["plan", &scenario, "--iterations", "1000", "--json"]);
+    assert!(is_repaired && repaired < 1.05 * anew, "{repaired} {anew}");
+}

@@ -1,7 +1,7 @@
 //! Missions without a plan: each says why, by the facts of its map.
 
 use nngtl::automaton::TaskError;
-use nngtl::mission::{self, LetterFact, MissionError, Options, SamplerChoice};
+use nngtl::mission::{self, LetterFact, MissionError, NotOnThisMap, Options, SamplerChoice};
 use nngtl::planner::{PlanError, Settings};
 use nngtl::scenario::{Scenario, ScenarioSpec};
 
@@ -247,6 +247,20 @@ fn a_spent_budget_tells_how_far_the_automaton_got() {
     }
 }
 
+/// What is said of a task on a map that rules it out.
+fn ruled_out(spec: &ScenarioSpec, task: &str) -> NotOnThisMap {
+    let spec = ScenarioSpec {
+        task: Some(task.to_owned()),
+        ..spec.clone()
+    };
+    let scenario = Scenario::from_spec(&spec).unwrap();
+    let why = mission::plan(&scenario, &Options::default()).expect_err(task);
+    let MissionError::NotOnThisMap(why) = why else {
+        panic!("{task}: {why}");
+    };
+    why
+}
+
 #[test]
 fn three_regions_that_meet_in_pairs_alone_are_named() {
     let text = r#"
@@ -265,15 +279,7 @@ d = [[0.8, 0.8], [0.9, 0.8], [0.9, 0.9]]
         regions: ["a", "b", "c"].map(String::from).to_vec(),
     };
     for task in ["F (a & b & c)", "F (a & b & c) & G F d"] {
-        let spec = ScenarioSpec {
-            task: Some(task.to_owned()),
-            ..spec.clone()
-        };
-        let scenario = Scenario::from_spec(&spec).unwrap();
-        let why = mission::plan(&scenario, &Options::default()).expect_err(task);
-        let MissionError::NotOnThisMap(why) = why else {
-            panic!("{why}");
-        };
+        let why = ruled_out(&spec, task);
         assert_eq!(why.facts, std::slice::from_ref(&apart), "{task}");
         assert!(why.to_string().contains("all of `a`, `b` and `c`"), "{why}");
     }
@@ -302,29 +308,20 @@ c = [[0.5, 0.4], [0.6, 0.4], [0.6, 0.6], [0.5, 0.6]]
         text += &format!("{name} = [[{x}, {y}], [{right}, {y}], [{right}, {top}], [{x}, {top}]]\n");
     }
     let spec: ScenarioSpec = toml::from_str(&text).unwrap();
-    let explained = |task: &str| {
-        let spec = ScenarioSpec {
-            task: Some(task.to_owned()),
-            ..spec.clone()
-        };
-        let scenario = Scenario::from_spec(&spec).unwrap();
-        let why = mission::plan(&scenario, &Options::default()).expect_err(task);
-        let MissionError::NotOnThisMap(why) = why else {
-            panic!("{task}: {why}");
-        };
-        why
-    };
     let within = LetterFact::Within {
         regions: vec!["a".to_owned()],
         others: vec!["b".to_owned(), "c".to_owned()],
     };
-    let why = explained("F (a & !b & !c)");
+    let why = ruled_out(&spec, "F (a & !b & !c)");
     assert_eq!(why.facts, [within]);
     assert!(why.to_string().contains("`a` lies in `b` or `c`"), "{why}");
     let disjoint = LetterFact::Disjoint {
         region: "r1".to_owned(),
         other: "a".to_owned(),
     };
-    let why = explained("F (r1 & a | r1 & r2 & r3 & r4 & r5 & r6 & r7 & r8 & a)");
+    let why = ruled_out(
+        &spec,
+        "F (r1 & a | r1 & r2 & r3 & r4 & r5 & r6 & r7 & r8 & a)",
+    );
     assert_eq!(why.facts, [disjoint]);
 }

@@ -135,6 +135,9 @@ pub(super) fn build(args: &LibraryBuildArgs, console: &Console) -> Result<(), Fa
         console.warn("interrupted: this is what was learned so far");
     }
     let took = began.elapsed().as_secs_f64();
+    if args.time_limit.is_some_and(|limit| took >= limit) {
+        console.warn("the time limit ended the build: this is what was learned so far");
+    }
     let mut library = built.library;
     if let Some(mut before) = known {
         before.merge(&*system, &library);

@@ -17,10 +17,7 @@ use super::mission::Mission;
 use super::search::Labels;
 use crate::plan::{Cost, Path};
 use crate::queue::Entry;
-use crate::shorten::{SLACK, Shortener};
-
-/// So often a plan is made another one at most; each is cheaper than the one before.
-const ROUNDS: usize = 8;
+use crate::shorten::Shortener;
 
 /// The corners that a point sees: their numbers, and how far they are.
 type Seen = Rc<Vec<(u32, f64)>>;
@@ -45,18 +42,7 @@ impl Mission<'_> {
             labels: RefCell::new(Labels::new(self.start_node() as usize)),
         };
         let walk = |from, to| walks.walk(from, to).unwrap_or_default();
-        let mut best = plan;
-        for _ in 0..ROUNDS {
-            if self.roadmap.halt.is_due() {
-                break;
-            }
-            let found = shortener.others(&best.0, &walk, SLACK);
-            match found.min_by(|a, b| a.1.total.total_cmp(&b.1.total)) {
-                Some(other) if other.1.total < best.1.total => best = other,
-                _ => break,
-            }
-        }
-        best
+        shortener.look_around(plan, &walk, || self.roadmap.halt.is_due())
     }
 }
 

@@ -127,8 +127,10 @@ struct Encoded<'a> {
 impl<'a> Encoded<'a> {
     fn new(predictor: &Predictor, question: &Question<'a>) -> Result<Self, PredictError> {
         let begin = Instant::now();
-        fits(predictor, question.task)?;
         let [path, state] = predictor.encodings();
+        for used in [path, state].map(|encoding| named(question.task, encoding)) {
+            predictor.fits(used.unwrap_or(0))?;
+        }
         let [path_ways, state_ways] = predictor.read_ways();
         let shared = path == state;
         let first = encode(question, path, path_ways || shared && state_ways)?;
@@ -165,15 +167,14 @@ impl<'a> Encoded<'a> {
     }
 }
 
-/// Whether the networks have a channel for each region of a formula. Told before the automaton is encoded: one of ten thousand states takes
-/// seconds, and a formula with so many names many regions.
-fn fits(networks: &Predictor, task: &Task) -> Result<(), PredictError> {
-    match &task.formula {
-        Some(formula) if networks.encodings() == [Encoding::Own; 2] => {
-            networks.fits(region_order(formula).len())
-        }
-        _ => Ok(()),
-    }
+/// How many channels a formula needs, where that is known before the automaton is encoded: to encode one of ten thousand states takes seconds,
+/// and a formula with so many names many regions.
+fn named(task: &Task, encoding: Encoding) -> Option<usize> {
+    let formula = task
+        .formula
+        .as_ref()
+        .filter(|_| encoding == Encoding::Own)?;
+    Some(region_order(formula).len())
 }
 
 /// The automaton as networks of this encoding see it, and the regions that their channels stand for.
@@ -423,9 +424,12 @@ fn guided(
     options: &Options,
 ) -> Result<Chosen, MissionError> {
     let networks = load(options)?;
-    fits(&networks, &problem.task)?;
     for encoding in networks.encodings() {
-        networks.fits(graph(&problem.task, encoding)?.0.regions)?;
+        let used = match named(&problem.task, encoding) {
+            Some(used) => used,
+            None => graph(&problem.task, encoding)?.0.regions,
+        };
+        networks.fits(used)?;
     }
     let on_adapter = !networks.is_on_cpu();
     let unasked = unasked(options.device, Some(&networks));

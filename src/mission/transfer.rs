@@ -11,14 +11,11 @@ use crate::automaton::Task;
 use crate::plan::{Cost, Path, PlanStats, StageSeconds};
 use crate::planner::{Problem, Progress, Sampler, Stop};
 use crate::scenario::Scenario;
-use crate::shorten::{SLACK, SWEEPS, Shortener};
+use crate::shorten::{SWEEPS, Shortener};
 use crate::transfer::{
     self, BeyondRepair, BuildProgress, BuildSampler, BuildSettings, Built, Library, Repair,
     Replanned, Reused,
 };
-
-/// A repaired plan is changed for a cheaper one near it so often at most.
-const ROUNDS: usize = 8;
 
 /// Builds a library from a scenario's mission. The sampler is `uniform` as in the paper, or `guided` by
 /// the heatmap of that mission; `auto` is uniform. Told beside the library is what a user should know of the device.
@@ -142,7 +139,7 @@ fn looked_around(
     (path, cost): (Path, Cost),
     is_due: impl Fn() -> bool,
 ) -> (Path, Cost) {
-    let mut best = shortened(problem, options, path, cost);
+    let best = shortened(problem, options, path, cost);
     let Some(map) = problem.system.plane().filter(|_| options.settings.shorten) else {
         return best;
     };
@@ -154,14 +151,7 @@ fn looked_around(
         }
         way
     };
-    for _ in 0..ROUNDS {
-        let others = shortener.others(&best.0, &walk, SLACK);
-        match others.min_by(|a, b| a.1.total.total_cmp(&b.1.total)) {
-            Some(other) if other.1.total < best.1.total => best = other,
-            _ => break,
-        }
-    }
-    best
+    shortener.look_around(best, &walk, &is_due)
 }
 
 /// What was done to a plan in a changed environment.

@@ -49,6 +49,9 @@ const MIN_GAIN: f64 = 1e-7;
 /// Passes over the points of a plan that is shortened, at most, where nothing else is asked for.
 pub(crate) const SWEEPS: usize = 12;
 
+/// So often a plan is made another one at most; each is cheaper than the one before.
+const ROUNDS: usize = 8;
+
 /// Where time is left for it, orders of visits are tried that are longer than a plan by so much: what is shorter once it is taut
 /// may be longer as long as visits lie where the old order wanted them.
 pub(crate) const SLACK: f64 = 1.1;
@@ -173,6 +176,27 @@ impl<'a> Shortener<'a> {
         let around = self.go_around(path, walk);
         let reordered = self.reorder(path, walk, slack);
         [entered, earlier, around, reordered].into_iter().flatten()
+    }
+
+    /// The plan, or a cheaper one that [`Self::others`] lead to, one after another, for as long as it is not time to end.
+    pub(crate) fn look_around(
+        &self,
+        plan: (Path, Cost),
+        walk: Walk<'_>,
+        is_due: impl Fn() -> bool,
+    ) -> (Path, Cost) {
+        let mut best = plan;
+        for _ in 0..ROUNDS {
+            if is_due() {
+                break;
+            }
+            let found = self.others(&best.0, walk, SLACK);
+            match found.min_by(|a, b| a.1.total.total_cmp(&b.1.total)) {
+                Some(other) if other.1.total < best.1.total => best = other,
+                _ => break,
+            }
+        }
+        best
     }
 
     /// A way with those of its bends that touch the border of a region moved off it.

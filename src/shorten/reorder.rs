@@ -156,19 +156,12 @@ fn permutations(count: usize, to_last: bool) -> Vec<Vec<usize>> {
     };
     let mut all = vec![vec![0]];
     for _ in 1..end {
-        let longer = |order: &Vec<usize>| {
-            let order = order.clone();
-            let next = (1..end).filter(move |i| !order.contains(i));
-            next.collect::<Vec<_>>()
+        let longer = |order: Vec<usize>| {
+            let left = (1..end).filter(|i| !order.contains(i));
+            let longer = left.map(|i| [&order[..], &[i]].concat());
+            longer.collect::<Vec<_>>()
         };
-        all = all
-            .iter()
-            .flat_map(|order| {
-                longer(order)
-                    .into_iter()
-                    .map(|i| [&order[..], &[i]].concat())
-            })
-            .collect();
+        all = all.into_iter().flat_map(longer).collect();
     }
     if to_last {
         all.iter_mut().for_each(|order| order.push(count - 1));

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use crate::planner::{EndReason, Stop};
 
 /// Steps between two looks at the clock and the stop flag.
-pub(super) const STEPS: u64 = 256;
+const STEPS: u64 = 256;
 
 /// When a search has to end: on automata of thousands of states a tree can be full of skills for seconds before the first sample.
 #[derive(Clone, Debug)]
@@ -31,6 +31,11 @@ impl Budget {
         }
         let late = self.until.is_some_and(|until| Instant::now() >= until);
         late.then_some(EndReason::Time)
+    }
+
+    /// Whether it has to end after so many short steps: looked at now and then.
+    pub(super) fn is_over_after(&self, steps: u64) -> bool {
+        steps.is_multiple_of(STEPS) && self.is_over()
     }
 
     pub(super) fn is_over(&self) -> bool {

@@ -131,7 +131,7 @@ pub fn build(
         samples: 0,
         nodes: 0,
         found: 0,
-        subtasks: groups.iter().map(|g| g.terminals.len()).sum(),
+        subtasks: graph.subtasks.iter().filter(|s| asks_for_path(s)).count(),
     };
     while !trees.is_empty() && progress.samples < settings.samples && !budget.is_over() {
         let count = BATCH.min(settings.samples - progress.samples);
@@ -177,14 +177,15 @@ struct Group {
     task: Task,
 }
 
-/// Divides subtasks by their starting endpoints (III-B). Stays, and subtasks that end outside of
-/// regions, need no path. Where the time is over, those that come last are left out.
+/// Stays, and subtasks that end outside of regions, need no path.
+fn asks_for_path(subtask: &Subtask) -> bool {
+    let (from, to) = (subtask.from.position, subtask.to.position);
+    from.place != to.place && !to.outside
+}
+
+/// Divides subtasks by their starting endpoints (III-B). Where the time is over, those that come last are left out.
 fn group(nba: &Nba, places: &Places, graph: &SubtaskGraph, budget: &Budget) -> Vec<Group> {
-    let mut sorted: Vec<&Subtask> = graph
-        .subtasks
-        .iter()
-        .filter(|s| s.from.position.place != s.to.position.place && !s.to.position.outside)
-        .collect();
+    let mut sorted: Vec<&Subtask> = graph.subtasks.iter().filter(|s| asks_for_path(s)).collect();
     let key = |s: &Subtask| (s.from.position.place, s.from.state);
     let labels = loops(nba);
     sorted.sort_by_key(|s| (key(s), s.to));

@@ -6,7 +6,7 @@ use std::collections::{BinaryHeap, HashMap, HashSet};
 
 use smallvec::SmallVec;
 
-use super::budget::{Budget, STEPS};
+use super::budget::Budget;
 use super::library::{Library, Shelf};
 use super::matching::{Matching, Reuse};
 use super::places::{PlaceId, Places};
@@ -231,7 +231,7 @@ impl Reuser {
         let mut steps = 0_u64;
         while self.next_cost().is_some_and(|cost| cost < limit) {
             steps += 1;
-            if steps.is_multiple_of(STEPS) && budget.is_over() {
+            if budget.is_over_after(steps) {
                 return;
             }
             self.step(kit, tree);

@@ -12,7 +12,7 @@
 //! plus the way from m on; a way back to the goal costs J / (1 − β) in all (`transfer-planning.md`, (1)). Both trees
 //! grow by the same samples, so their costs converge to the least ones like those of any RRT*.
 
-use super::budget::{Budget, STEPS};
+use super::budget::Budget;
 use super::reuse::{Continuation, Kit, Reuser};
 use crate::automaton::Nba;
 use crate::plan::{Cost, Path, Waypoint};
@@ -76,7 +76,7 @@ impl<'a> Suffix<'a> {
         let mut steps = 0_u64;
         while let Some(cost) = self.reuser.next_cost() {
             steps += 1;
-            let late = steps.is_multiple_of(STEPS) && budget.is_over();
+            let late = budget.is_over_after(steps);
             if late || cost >= self.tree.length().unwrap_or(f64::INFINITY).min(limit) {
                 break;
             }
